@@ -1,4 +1,4 @@
-//! The name by which programs that are linked with the shared library look for it. It changes with the ABI.
+//! Sets the soname of the shared library, by which the programs linked with it find it. It changes with the ABI.
 
 fn main() {
     println!("cargo::rustc-cdylib-link-arg=-Wl,-soname,libescapement.so.1");

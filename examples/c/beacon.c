@@ -1,4 +1,4 @@
-/* A beacon that says in words what it does and sends frames of varying length, and a station that reads them: texts and bytes as signals.
+/* A beacon that reports its activity as text and sends frames of varying length, and a station that reads them: texts and bytes as signals.
  *
  * One plug-in, two participants: run = { library = "libbeacon.so", participant = "beacon" } */
 #include <string.h>
@@ -31,7 +31,7 @@ ESCAPEMENT_MESSAGE(Station, ESCAPEMENT_FIELD(Station, sum, "1", ""), ESCAPEMENT_
                    ESCAPEMENT_ENUM_FIELD(Station, heard, "idle = 0, sending = 1, fault = 9"),
                    ESCAPEMENT_FIELD(Station, padding, "1", ""));
 
-/* The beacon: three steps idle, then a frame that is longer each time; what the station answered stands in the next one. */
+/* The beacon: three idle steps, then a frame, longer each time; each frame contains the station's previous answer. */
 static escapement_status describe_beacon(const escapement_host *host, void **own) {
     (void)own;
     host->kind(host, ESCAPEMENT_SAMPLED);
@@ -61,7 +61,7 @@ static escapement_status step_beacon(const escapement_host *host, void *own, con
     return ESCAPEMENT_OK;
 }
 
-/* The station: adds up the bytes, and answers with what the beacon said, in brackets. */
+/* The station: adds up the bytes, and answers with the beacon's text in brackets. */
 static escapement_status describe_station(const escapement_host *host, void **own) {
     (void)own;
     host->kind(host, ESCAPEMENT_SAMPLED);

@@ -1,4 +1,4 @@
-/* A traffic light at a crossing, and those who walk: named values, truth values and small numbers as signals.
+/* A traffic light at a crossing, and pedestrians: enumerations, booleans and small integers as signals.
  *
  * One plug-in, two participants: run = { library = "libcrossing.so", participant = "light" } */
 #include <stdbool.h>
@@ -18,13 +18,13 @@ ESCAPEMENT_MESSAGE(Signal, ESCAPEMENT_ENUM_FIELD(Signal, phase, "green = 0, ambe
 
 typedef struct {
     bool pressed[2]; /* on either side */
-    int8_t balance;  /* who has crossed to the right, less who has to the left */
+    int8_t balance;  /* pedestrians who have crossed to the right, minus those to the left */
     uint8_t waiting;
 } Walkers;
 ESCAPEMENT_MESSAGE(Walkers, ESCAPEMENT_FIELD(Walkers, pressed, "1", ""), ESCAPEMENT_FIELD(Walkers, balance, "1", ""),
                    ESCAPEMENT_FIELD(Walkers, waiting, "1", ""));
 
-/* The light: green until somebody presses, then amber, red while people walk, red and amber, green. */
+/* The light: green until a pedestrian presses, then amber, red while pedestrians cross, red and amber, green. */
 typedef struct {
     Signal signal;
 } Light;
@@ -58,7 +58,7 @@ static escapement_status step_light(const escapement_host *host, void *own, cons
     return ESCAPEMENT_OK;
 }
 
-/* Those who walk: they come at random, press, and cross one after the other. */
+/* The pedestrians: they arrive at random, press, and cross one after the other. */
 typedef struct {
     Walkers walkers;
 } Crowd;

@@ -1,5 +1,5 @@
-/* A run from C: a mass of the scenario hangs on a spring, and this program moves the other end of it. Then the program goes back and lets
- * the same happen again: the tape has one digest.
+/* A run from C: a mass of the scenario is attached to a spring, and this program moves the spring's other end. Then it restores a checkpoint
+ * and repeats the motion: both tapes have the same digest.
  *
  *     cc drive.c $(pkg-config --cflags --libs escapement-run) -o drive && ./drive drive.toml
  */
@@ -32,7 +32,7 @@ int main(int argc, char **argv) {
         if (escapement_run_start(argc > 1 ? argv[1] : "drive.toml", NULL, &run) || shake(run, 1.0) || escapement_run_save(run, &half) ||
             shake(run, 1.7))
             return failed(run);
-        /* The second time from the checkpoint on once more. */
+        /* The second time, continue from the checkpoint again. */
         if (again && escapement_run_restore(run, half)) return failed(run);
         if (shake(run, 2.0)) return failed(run);
         escapement_run_sample sample = {.size = sizeof sample};

@@ -1,4 +1,4 @@
-/* What the participants of the position loop say to each other. */
+/* The messages of the participants of the position loop. */
 #include <escapement.h>
 
 typedef struct { double position, velocity; } Motion;

@@ -1,4 +1,4 @@
-/* A PID controller with a limited force, whose integral rests at the limit. */
+/* A PID controller with a limited force, whose integral is frozen at the limit. */
 #include "messages.h"
 
 typedef struct { double integral, gain, integral_time, damping, limit; } Pid; /* the state, then the parameters */

@@ -1,4 +1,4 @@
-/* Where the mass shall be: from rest to a height, without a jump in velocity. */
+/* The reference position: from rest to a height, without a jump in velocity. */
 #include "messages.h"
 
 typedef struct { double height, rise; } Reference;

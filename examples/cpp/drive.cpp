@@ -1,4 +1,4 @@
-// The same as examples/c/drive.c, in C++: one digest.
+// The same as examples/c/drive.c, in C++, with the same digest.
 #include <escapement-run.hpp>
 
 #include <cstdio>

@@ -1,4 +1,4 @@
-// A position loop: a mass on a spring with a damper, its PID controller, and where it shall be. One plug-in with three participants.
+// A position loop: a mass on a spring with a damper, its PID controller, and a reference. One plug-in with three participants.
 #include <escapement.hpp>
 
 #include <algorithm>

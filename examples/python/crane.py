@@ -16,7 +16,7 @@ class Hook(esc.Message):
     sway = esc.Field("deg", frame="hall")  # of the rope about y, from hanging down
     load = esc.Field("m", frame="hall", shape=3)
     turned = esc.Field("1", frame="hall", shape=4)  # attitude of the load: x, y, z, w
-    hoisting = esc.Field("N", frame="load", shape=3)  # what the rope does to the load, in its axes
+    hoisting = esc.Field("N", frame="load", shape=3)  # force of the rope on the load, in the load's axes
 
 
 class Crane(esc.Participant):

@@ -1,4 +1,4 @@
-"""The position loop of examples/pid in Python: a mass on a spring with a damper, its PID controller, and where it shall be."""
+"""The position loop of examples/pid in Python: a mass on a spring with a damper, its PID controller, and a reference."""
 
 import escapement as esc
 

@@ -1,4 +1,4 @@
-"""What Python costs, as ratios that are measured side by side: python python/benches/costs.py [ROUNDS]
+"""What Python costs, as ratios measured side by side: python python/benches/costs.py [ROUNDS]
 
 The same participants in Rust and in Python take turns; the least and the middle of the rounds are printed. Needs
 cargo build --release --workspace, and the package.

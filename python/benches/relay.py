@@ -1,4 +1,4 @@
-"""What `escapement bench` exchanges, in Python: 27 doubles are taken, and passed on."""
+"""The exchange of `escapement bench`, in Python: 27 doubles are read and forwarded."""
 
 import escapement as esc
 

@@ -1,7 +1,7 @@
-"""Builds the wheel: maturin makes the module, and the program `escapement` goes beside it as a command.
+"""Builds the wheel: maturin builds the module, and the program `escapement` is added as a command.
 
-The program is built here, or taken from where the environment variable ESCAPEMENT names one that is built. Both take what the project has
-compiled already: they share its target folder.
+The program is built here, unless the environment variable ESCAPEMENT names one that is already built. Module and program share the
+project's target folder, so what is already compiled there is reused.
 """
 
 import os
@@ -30,7 +30,7 @@ def _target():
 def _place_program():
     built = os.environ.get("ESCAPEMENT")
     if not built:
-        # With the module's package beside it both are compiled with the same features, so nothing is compiled twice.
+        # Building the module's package together with it gives both the same features, so nothing is compiled twice.
         command = ["cargo", "build", "--release", "--locked", "--bin", "escapement"]
         command += ["--package", "orchestrator", "--package", "escapement-python", "--features", "escapement-python/module"]
         subprocess.run(command, cwd=_ROOT, check=True)
@@ -40,7 +40,7 @@ def _place_program():
 
 
 def prepare_metadata_for_build_wheel(metadata_directory, config_settings=None):
-    """What is known of the wheel before it is built."""
+    """The metadata of the wheel before it is built."""
     os.makedirs(_SCRIPTS, exist_ok=True)
     return maturin.prepare_metadata_for_build_wheel(metadata_directory, config_settings)
 

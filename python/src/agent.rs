@@ -1,4 +1,4 @@
-//! An agent in a participant's place: what it sees and what it gives as flat arrays of doubles, one call for each activation.
+//! An agent that replaces a participant: its observations and actions as flat arrays of doubles, one call for each activation.
 
 use lockstep::port::{Descriptor, Element};
 use pyo3::exceptions::PyValueError;
@@ -8,17 +8,17 @@ use crate::errors;
 use crate::memory::Memory;
 use crate::run::Run;
 
-/// Elements that stand side by side in a payload, and their places in a flat array.
+/// Elements that are adjacent in a payload, and their positions in a flat array.
 struct Piece {
     element: Element,
-    /// In the payload, bytes.
+    /// Offset in the payload, bytes.
     offset: usize,
-    /// In the array.
+    /// Index in the array.
     at: usize,
     count: usize,
 }
 
-/// The pieces of each port, with the number of all elements. Doubles that stand side by side are one piece.
+/// The pieces of each port, with the total number of elements. Adjacent elements of one type form one piece.
 fn pieces<'a>(ports: impl Iterator<Item = &'a Descriptor>) -> (Vec<Vec<Piece>>, usize) {
     let mut at = 0;
     let all = ports.map(|descriptor| {
@@ -47,7 +47,7 @@ fn pieces<'a>(ports: impl Iterator<Item = &'a Descriptor>) -> (Vec<Vec<Piece>>, 
 }
 
 impl Piece {
-    /// From a payload to doubles, as bytes.
+    /// Converts elements of a payload to doubles, as bytes.
     fn see(&self, payload: &[u8], flat: &mut [u8]) {
         let size = self.element.size();
         let from = &payload[self.offset..self.offset + self.count * size];
@@ -61,7 +61,7 @@ impl Piece {
         }
     }
 
-    /// From doubles, as bytes, to a payload.
+    /// Converts doubles, as bytes, to elements of a payload.
     fn give(&self, flat: &[u8], payload: &mut [u8]) {
         let size = self.element.size();
         let to = &mut payload[self.offset..self.offset + self.count * size];
@@ -76,7 +76,7 @@ impl Piece {
     }
 }
 
-/// The place of a participant in a run, for an agent.
+/// The slot of a participant in a run, for an agent.
 #[pyclass(unsendable, module = "escapement._native")]
 pub(crate) struct Agent {
     name: String,
@@ -86,13 +86,13 @@ pub(crate) struct Agent {
     payloads: Vec<Vec<u8>>,
     seen: Memory,
     action: Memory,
-    /// What is in `seen` and `action`, on this side.
+    /// Copies of `seen` and `action`, in Rust memory.
     flat: (Vec<u8>, Vec<u8>),
 }
 
 #[pymethods]
 impl Agent {
-    /// In the place of participant `name` of `run`. Inputs are shown in the array `seen`, outputs taken from the array `action`.
+    /// Replaces participant `name` of `run`. Its inputs are written to the array `seen`, its outputs are read from the array `action`.
     #[new]
     fn new(
         py: Python<'_>,
@@ -120,8 +120,8 @@ impl Agent {
         })
     }
 
-    /// To the participant's next activation: its instant, s, with what it sees in the array; None when there is none any more. With `acts` the
-    /// activation before which it stands gives out what is in the array.
+    /// Advances to the participant's next activation: returns its instant, s, with the inputs in the array; None when there is no further
+    /// one. With `acts`, the activation at which the participant is held gets the content of the array as its outputs.
     fn on(&mut self, py: Python<'_>, run: &Bound<'_, Run>, acts: bool) -> PyResult<Option<f64>> {
         let mut run = run.borrow_mut();
         if acts {

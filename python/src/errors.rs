@@ -7,7 +7,7 @@ use engine::scenario::ScenarioError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// The exception `name` of `escapement.errors`, with what it carries.
+/// Raises the exception `name` of `escapement.errors`, with its arguments.
 fn raise(py: Python<'_>, name: &str, message: &str, carries: &[(&str, &Bound<'_, PyAny>)]) -> PyErr {
     let made = || -> PyResult<PyErr> {
         let class = py.import("escapement.errors")?.getattr(name)?;
@@ -20,7 +20,7 @@ fn raise(py: Python<'_>, name: &str, message: &str, carries: &[(&str, &Bound<'_,
     made().unwrap_or_else(|error| error)
 }
 
-/// A scenario that is refused: file, line, key and reason of each mistake.
+/// A rejected scenario: file, line, key and reason of each mistake.
 pub(crate) fn scenario(py: Python<'_>, error: &ScenarioError) -> PyErr {
     let mistakes = (error.mistakes.iter()).map(|mistake| (mistake.line, mistake.key.as_str(), mistake.reason.as_str()));
     refused(py, &error.file, &error.to_string(), mistakes.collect())
@@ -47,7 +47,7 @@ fn refused(py: Python<'_>, file: &Path, message: &str, mistakes: Vec<(Option<usi
     }
 }
 
-/// A run that cannot be, or goes no further.
+/// A run that cannot start, or cannot continue.
 pub(crate) fn run(py: Python<'_>, failure: &RunFailure) -> PyErr {
     match failure {
         RunFailure::Scenario(error) => scenario(py, error),

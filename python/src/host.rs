@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 
 use crate::participant::{Object, Raised};
 
-/// Takes the place in a run that the environment names, with an object of `class`, and stays to the end. Gives the exit code.
+/// Joins the run named by the environment with an object of `class`, and runs it to its end. Returns the exit code.
 #[pyfunction]
 pub(crate) fn host(py: Python<'_>, class: Py<PyAny>, program: String) -> u8 {
     let raised = Raised::default();

@@ -1,4 +1,4 @@
-//! `escapement._native`: what the Python package has in Rust. Built with the feature `module` alone.
+//! `escapement._native`: the Rust part of the Python package. Built only with the feature `module`.
 #![cfg(feature = "module")]
 
 mod agent;
@@ -39,19 +39,19 @@ fn version() -> String {
     orchestrator::stock::catalogue().version().to_owned()
 }
 
-/// Says where the program `escapement` is, which hosts participants in processes of their own.
+/// Sets the path of the program `escapement`, which hosts participants in separate processes.
 #[pyfunction]
 fn program(path: PathBuf) {
     engine::run::start_instead(path);
 }
 
-/// A number in [0, 1): a function of the run's seed, the stream's name and the index.
+/// A number in [0, 1), determined by the run's seed, the stream's name and the index.
 #[pyfunction]
 fn uniform(seed: u64, stream: &str, index: u64) -> f64 {
     Stream::new(seed, stream).uniform(index)
 }
 
-/// A standard normal number: a function of the run's seed, the stream's name and the index.
+/// A standard normal number, determined by the run's seed, the stream's name and the index.
 #[pyfunction]
 fn normal(seed: u64, stream: &str, index: u64) -> f64 {
     Stream::new(seed, stream).normal(index)
@@ -66,7 +66,7 @@ fn convert(text: &str, unit: &str) -> PyResult<Vec<f64>> {
         .map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
-/// The page about the runs in these folders.
+/// The report page about the runs in these folders.
 #[pyfunction]
 fn report_html(py: Python<'_>, folders: Vec<PathBuf>, labels: Vec<String>) -> PyResult<String> {
     let catalogue = orchestrator::stock::catalogue();

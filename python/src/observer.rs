@@ -1,14 +1,14 @@
-//! What happens in a run, for Python; and Ctrl-C, which the interpreter only looks for when it is asked to.
+//! Events of a run, for Python, and Ctrl-C, which the interpreter only checks on request.
 
 use std::time::{Duration, Instant};
 
 use engine::{Event, Interrupt, Observer};
 use pyo3::prelude::*;
 
-/// The interpreter looks for signals this often while a run goes on.
+/// The interval at which the interpreter checks for signals during a run.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Tells a function of Python's: `told(what, …)`.
+/// Calls a Python function: `told(what, …)`.
 pub(crate) struct Teller {
     told: Option<Py<PyAny>>,
     interrupt: Interrupt,
@@ -25,7 +25,7 @@ impl Teller {
     }
 
     fn tell<'py>(&self, py: Python<'py>, event: Event<'_>) -> PyResult<()> {
-        // A signal's handler may raise, and so may whoever is told: both end the run in order.
+        // A signal handler may raise, and so may the callback: both end the run in an orderly way.
         py.check_signals()?;
         let Some(told) = &self.told else { return Ok(()) };
         match event {

@@ -1,4 +1,4 @@
-//! A participant that is an object of Python's.
+//! A participant that is a Python object.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,29 +12,29 @@ use pyo3::types::{PyBytes, PyDict};
 use crate::memory::Memory;
 use crate::values::of_toml;
 
-/// The first exception of a run in this process, for the one that is raised.
+/// The first exception of a run in this process, used as the cause of the exception that is raised.
 pub(crate) type Raised = Arc<Mutex<Option<PyErr>>>;
 
-/// An object with a step.
+/// A Python object with a method `step`.
 pub(crate) struct Object {
     interface: Interface,
     inputs: Vec<Memory>,
     outputs: Vec<Memory>,
-    /// Whether each output is seen, in bits of a byte: this sample, any sample.
+    /// Flags in one byte for each output: whether this sample is seen, whether any sample is.
     seen: Memory,
-    /// Its functions, bound to it.
+    /// Its bound methods.
     initialise: Py<PyAny>,
     step: Py<PyAny>,
     save: Py<PyAny>,
     restore: Py<PyAny>,
     terminate: Py<PyAny>,
-    /// Where its lines go.
+    /// The destination of its log lines.
     log: Py<Lines>,
     has_log: bool,
     raised: Raised,
 }
 
-/// The way of an object to its log.
+/// The log of an object.
 #[pyclass(module = "escapement._native")]
 pub(crate) struct Lines {
     log: Log,
@@ -57,18 +57,18 @@ impl Lines {
 #[derive(FromPyObject)]
 struct Declared {
     key: String,
-    /// None for a value that is taken as the scenario has it.
+    /// None for a value that is passed as the scenario states it.
     unit: Option<String>,
     required: bool,
-    /// 0 for a single number.
+    /// 0 for a scalar.
     count: usize,
 }
 
 impl Object {
-    /// Makes an object of `class`.
+    /// Creates an object of `class`.
     ///
     /// # Errors
-    /// A parameter that is refused; a class that is none of a participant.
+    /// A parameter that is rejected, or a class that is not a participant.
     pub(crate) fn make(
         class: &Py<PyAny>,
         setup: &Setup,
@@ -148,14 +148,14 @@ impl Object {
         })
     }
 
-    /// The failure that stands for an exception: in short, with the place. The traceback goes to the log.
+    /// The failure for an exception: a short text with its location. The traceback is logged.
     fn failure(&self, py: Python<'_>, error: PyErr) -> Failure {
         let text = short(py, &error);
         keep(py, error, &self.raised);
         text.into()
     }
 
-    /// Before a call at `t`, s.
+    /// Prepares a call at `t`, s.
     fn show_outputs(&mut self, py: Python<'_>, t: f64, outputs: &mut Outputs) {
         let mut lines = self.log.borrow_mut(py);
         lines.t = Some(t);
@@ -163,7 +163,7 @@ impl Object {
             lines.log = outputs.log_of().clone();
         }
         drop(lines);
-        // What a step does not write keeps its last value, which another participant may have written.
+        // An output that a step does not write keeps its last value, which another participant may have written.
         let mut seen = [0; 256];
         for (port, memory) in self.outputs.iter().enumerate() {
             memory.put(py, outputs.bytes_mut(port));
@@ -179,7 +179,7 @@ impl Object {
     }
 }
 
-/// Why there is no object.
+/// The reason why no object could be created.
 enum Wrong {
     Parameter(ParameterError),
     Raised(PyErr),
@@ -209,7 +209,7 @@ fn read<'py>(py: Python<'py>, parameters: &Parameters, one: &Declared) -> Result
     })
 }
 
-/// What an exception in the making of a participant means: the refusal of a parameter, or of the class.
+/// The meaning of an exception while a participant is created: the parameter is rejected, or the class.
 fn refusal(py: Python<'_>, error: PyErr, raised: &Raised) -> ParameterError {
     let value = error.value(py);
     let text = |name: &str| value.getattr(name).and_then(|part| part.extract::<String>());
@@ -225,17 +225,17 @@ fn refusal(py: Python<'_>, error: PyErr, raised: &Raised) -> ParameterError {
     ParameterError::new(plugin::NO_PARTICIPANT, reason)
 }
 
-/// The exception itself, with its traceback: until 3.12 the interpreter keeps the two apart.
+/// The exception with its traceback: before Python 3.12 the interpreter stores the two separately.
 fn whole<'py>(py: Python<'py>, error: &PyErr) -> Bound<'py, PyAny> {
     let value = error.value(py).clone().into_any();
     if let Some(traceback) = error.traceback(py) {
-        // An exception takes its own traceback.
+        // This cannot fail: an exception accepts its own traceback.
         let _ = value.setattr("__traceback__", traceback);
     }
     value
 }
 
-/// An exception in one line: its type, what it says, and where in somebody's own code it was raised.
+/// An exception in one line: its type, its message, and where in the user's code it was raised.
 fn short(py: Python<'_>, error: &PyErr) -> String {
     let said = py
         .import("escapement.participant")
@@ -244,14 +244,14 @@ fn short(py: Python<'_>, error: &PyErr) -> String {
     said.unwrap_or_else(|_| error.to_string())
 }
 
-/// Writes the traceback into the log and keeps the first exception.
+/// Logs the traceback and keeps the first exception.
 fn keep(py: Python<'_>, error: PyErr, raised: &Raised) {
     let mut first = raised.lock().unwrap_or_else(PoisonError::into_inner);
     let tell = || {
         let module = py.import("escapement.participant")?;
         module.call_method1("_log_traceback", (whole(py, &error),))
     };
-    // That it cannot be written is no reason to forget it.
+    // The exception is kept even if it cannot be logged.
     let _ = tell();
     first.get_or_insert(error);
 }
@@ -286,7 +286,7 @@ impl Participant for Object {
     }
 
     fn terminate(&mut self, why: Termination, log: &Log) {
-        // The interpreter may be on its way out: the run is over, or has gone on without it.
+        // The interpreter may be shutting down: the run is over, or continues without this participant.
         let _ = Python::try_attach(|py| {
             let lines = Lines {
                 log: log.clone(),
@@ -306,7 +306,7 @@ impl Participant for Object {
                 let state = state.into_bound(py);
                 Ok(state.cast_into::<PyBytes>().map_err(PyErr::from)?.as_bytes().to_vec())
             });
-            // Whoever asked only learns that there is no state: the log has the reason.
+            // The caller only learns that there is no state; the reason is in the log.
             saved.map_err(|error| keep(py, error, &self.raised)).ok()
         })
     }

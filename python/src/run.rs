@@ -1,4 +1,4 @@
-//! Runs: to their end at once, or from rest to rest.
+//! Runs: executed to their end at once, or advanced from pause to pause.
 
 use std::path::PathBuf;
 use std::sync::PoisonError;
@@ -16,7 +16,7 @@ use crate::participant::Raised;
 use crate::scenario::Scenario;
 use crate::{errors, values};
 
-/// A request for an end in order, which a signal's handler can make.
+/// A request to end in an orderly way, which a signal handler can make.
 #[pyclass(frozen, module = "escapement._native")]
 #[derive(Default)]
 pub(crate) struct Interrupt(engine::Interrupt);
@@ -28,18 +28,18 @@ impl Interrupt {
         Interrupt::default()
     }
 
-    /// Asks for the end.
+    /// Requests the end.
     fn ask(&self) {
         self.0.ask();
     }
 
-    /// Whether it was asked for.
+    /// Whether the end was requested.
     fn asked(&self) -> bool {
         self.0.asked()
     }
 }
 
-/// What is said about a run besides the scenario.
+/// The options of a run, apart from the scenario.
 #[derive(FromPyObject)]
 pub(crate) struct How {
     in_process: bool,
@@ -79,7 +79,7 @@ impl How {
             None => None,
             Some(run) => {
                 let folder = tape::folder::RunFolder::open(run);
-                // What is on the tape is copied and sealed anew.
+                // The content of the tape is copied and sealed again.
                 tape::Reader::open(&folder.tape())
                     .and_then(|tape| tape.verify())
                     .map_err(|error| errors::tape(py, &format!("the run cannot be taken up: {error}")))?;
@@ -108,14 +108,14 @@ impl How {
                 .collect::<PyResult<_>>()?,
             origin,
             patience_s: self.patience,
-            // Several runs of one process would be put onto the same cores.
+            // Several runs of one process would be pinned to the same cores.
             no_placement: self.in_process,
             ..Options::default()
         })
     }
 }
 
-/// Takes along the exception that made a run fail.
+/// Attaches the exception that made a run fail.
 fn caused(py: Python<'_>, failure: PyErr, raised: &Raised) -> PyErr {
     let cause = raised.lock().unwrap_or_else(PoisonError::into_inner).take();
     if cause.is_some() {
@@ -144,7 +144,7 @@ fn told<'py>(py: Python<'py>, outcome: &Outcome, raised: &Raised) -> PyResult<Bo
     Ok(all)
 }
 
-/// Runs `scenario` to its end. Gives what became of it, with its summary written if it has a folder.
+/// Runs `scenario` to its end. Returns the outcome; its summary is written if the run has a folder.
 #[pyfunction]
 #[pyo3(signature = (scenario, how, told_to, interrupt))]
 pub(crate) fn run<'py>(
@@ -181,17 +181,17 @@ impl Saved {
     }
 }
 
-/// A run that goes on when it is told to. It belongs to the thread that starts it.
+/// A run that advances on request. It belongs to the thread that starts it.
 #[pyclass(unsendable, module = "escapement._native")]
 pub(crate) struct Run {
     run: Option<engine_run::Run>,
     raised: Raised,
 }
 
-/// A run on its way to where the interpreter is released: the same thread.
+/// A run passed to code that runs with the interpreter released, on the same thread.
 struct Here<'a>(&'a mut engine_run::Run);
 
-// SAFETY: what is released runs on the thread that has released it; the run never leaves it.
+// SAFETY: the code runs on the thread that released the interpreter; the run never leaves that thread.
 unsafe impl Send for Here<'_> {}
 
 impl Run {
@@ -200,7 +200,7 @@ impl Run {
         self.run.as_mut().ok_or_else(ended)
     }
 
-    /// Does `work` with the interpreter released.
+    /// Calls `work` with the interpreter released.
     pub(crate) fn released<T: Send>(
         &mut self,
         py: Python<'_>,
@@ -208,7 +208,7 @@ impl Run {
     ) -> PyResult<T> {
         let here = Here(self.mine()?);
         let done = py.detach(move || {
-            // All of it moves in, not the reference inside.
+            // Moves the whole of `here`, not only the reference in it.
             let here = here;
             work(here.0)
         });
@@ -218,7 +218,7 @@ impl Run {
 
 #[pymethods]
 impl Run {
-    /// Starts `scenario`: everybody is there and rests at the start.
+    /// Starts `scenario`: all participants are started, and the run is paused at its start.
     #[new]
     fn start(
         py: Python<'_>,
@@ -242,25 +242,25 @@ impl Run {
         }
     }
 
-    /// Everybody has done exactly the activations before this instant, s.
+    /// The present time, s: all participants have executed exactly their activations before this instant.
     #[getter]
     fn now(&mut self) -> PyResult<f64> {
         Ok(self.mine()?.now_s())
     }
 
-    /// Whether nothing more happens.
+    /// Whether the run is over: no activation follows.
     #[getter]
     fn is_over(&mut self) -> PyResult<bool> {
         Ok(self.mine()?.is_over())
     }
 
-    /// Lets it on to the instant `to`.
+    /// Advances the run to the instant `to`.
     fn run_to(&mut self, py: Python<'_>, to: &str) -> PyResult<()> {
         let to = time(to)?;
         self.released(py, |run| run.run_to(to))
     }
 
-    /// Lets it on to the next communication point.
+    /// Advances the run to the next communication point.
     fn step(&mut self, py: Python<'_>) -> PyResult<()> {
         self.released(py, engine_run::Run::step)
     }
@@ -271,25 +271,25 @@ impl Run {
         Ok((sample.index(), sample.stamp_s(), PyBytes::new(py, sample.bytes())))
     }
 
-    /// Lets it on until a participant is about to step; whether it has an activation.
+    /// Advances the run until a participant is about to step; returns whether it has a further activation.
     fn run_before(&mut self, py: Python<'_>, participant: &str) -> PyResult<bool> {
         self.released(py, |run| run.run_before(participant))
     }
 
-    /// What an input shows to the activation before which its participant is held: index, instant and payload.
+    /// The sample that an input has in the activation before which its participant is held: index, instant and payload.
     fn shown<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<(u64, f64, Bound<'py, PyBytes>)> {
         let sample = self.mine()?.shown(port).map_err(|failure| errors::run(py, &failure))?;
         Ok((sample.index(), sample.stamp_s(), PyBytes::new(py, sample.bytes())))
     }
 
-    /// Gives an output of that activation.
+    /// Supplies an output for that activation.
     fn answer(&mut self, py: Python<'_>, port: &str, payload: &[u8]) -> PyResult<()> {
         self.mine()?
             .answer_bytes(port, payload)
             .map_err(|failure| errors::run(py, &failure))
     }
 
-    /// The payload's description of a port; None where there is no such port.
+    /// The descriptor of a port's payload; None if there is no such port.
     fn described<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let (participant, name) = port.split_once('.').unwrap_or((port, ""));
         let interface = self.mine()?.interface(participant);
@@ -302,14 +302,14 @@ impl Run {
             .transpose()
     }
 
-    /// Sets an input that nobody feeds.
+    /// Sets an unconnected input.
     fn set(&mut self, py: Python<'_>, port: &str, payload: &[u8]) -> PyResult<()> {
         self.mine()?
             .set_bytes(port, payload)
             .map_err(|failure| errors::run(py, &failure))
     }
 
-    /// The same by fields.
+    /// Sets an unconnected input by fields.
     fn set_fields(&mut self, py: Python<'_>, port: &str, fields: Vec<(String, Vec<f64>)>) -> PyResult<()> {
         let fields: Vec<(&str, &[f64])> = (fields.iter())
             .map(|(name, values)| (name.as_str(), &values[..]))
@@ -319,12 +319,12 @@ impl Run {
             .map_err(|failure| errors::run(py, &failure))
     }
 
-    /// What a participant has said by its log.
+    /// The log of a participant.
     fn log(&mut self, participant: &str) -> PyResult<String> {
         Ok(self.mine()?.log(participant))
     }
 
-    /// The figures called `names` of what has happened so far; None for one that is not known yet.
+    /// The values so far of the figures `names`; None for one that has no value yet.
     fn figures(&mut self, names: Vec<String>) -> PyResult<Vec<Option<f64>>> {
         let figures = self.mine()?.figures().map(|figures| Figures::of(&figures));
         let numbers: Vec<_> = figures.iter().flat_map(Figures::numbers).collect();
@@ -337,23 +337,23 @@ impl Run {
         Ok(names.iter().map(value).collect())
     }
 
-    /// The state of everybody.
+    /// The state of all participants.
     fn save(&mut self, py: Python<'_>) -> PyResult<Saved> {
         self.released(py, engine_run::Run::save).map(Saved)
     }
 
-    /// Goes back to `saved`.
+    /// Restores `saved`.
     fn restore(&mut self, py: Python<'_>, saved: &Bound<'_, Saved>) -> PyResult<()> {
         let checkpoint = &saved.get().0;
         self.released(py, |run| run.restore(checkpoint))
     }
 
-    /// Gives it up, if it has not ended: its processes end, and its tape has no seal.
+    /// Abandons the run if it has not ended: its processes end, and its tape is not sealed.
     fn close(&mut self) {
         self.run = None;
     }
 
-    /// Ends it: the outcome.
+    /// Ends the run and returns its outcome.
     fn end<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         struct Ended(engine_run::Run);
         // SAFETY: as of `Here`.

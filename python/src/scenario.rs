@@ -1,4 +1,4 @@
-//! Scenarios, with Python's classes among their programs.
+//! Scenarios whose programs may be Python classes.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use pyo3::types::{PyDict, PyList};
 use crate::participant::{Object, Raised};
 use crate::{errors, values};
 
-/// A scenario that was read and understood.
+/// A scenario that was read and checked.
 #[pyclass(frozen, module = "escapement._native")]
 pub(crate) struct Scenario {
     catalogue: Arc<Catalogue>,
@@ -24,7 +24,7 @@ pub(crate) struct Scenario {
     pub(crate) raised: Raised,
 }
 
-/// Where the module with a host's class is named among a program's arguments.
+/// The module and class of a Python host among a program's arguments.
 fn class_of(program: &Program) -> Option<(&Path, &str)> {
     let Program::External { args, folder, .. } = program else {
         return None;
@@ -35,7 +35,7 @@ fn class_of(program: &Program) -> Option<(&Path, &str)> {
     }
 }
 
-/// Makes in this process what a host would make: of the `classes` that are known by the argument of the host, or by its import.
+/// The factory that creates in this process what a host would create: from `classes`, by the host's argument, or by importing the class.
 fn within(program: &Program, classes: &HashMap<String, Py<PyAny>>, raised: &Raised) -> Option<Factory> {
     let (folder, name) = class_of(program)?;
     let class = Python::attach(|py| match classes.get(name) {
@@ -64,7 +64,7 @@ fn within(program: &Program, classes: &HashMap<String, Py<PyAny>>, raised: &Rais
 
 #[pymethods]
 impl Scenario {
-    /// Reads `file`, or `text` as if it stood there, with `set` as `--set` takes them and `faults` as `--fault` does.
+    /// Reads `file`, or `text` as if it were its content, with `set` in the syntax of `--set` and `faults` in that of `--fault`.
     #[new]
     fn read(
         py: Python<'_>,
@@ -143,24 +143,24 @@ impl Scenario {
         values::of_toml(py, &toml::Value::Table(self.scenario.written().to_table()))
     }
 
-    /// Whether everybody can run in this process.
+    /// Whether all participants can run in this process.
     fn runs_here(&self) -> bool {
         let foreign = |program: &Program| program.is_external() && class_of(program).is_none();
         !self.scenario.programs().any(foreign)
     }
 
-    /// Whether a run in processes starts the program `escapement` as a host.
+    /// Whether a run in separate processes starts the program `escapement` as a host.
     fn needs_program(&self) -> bool {
         self.scenario.programs().any(|program| !program.is_external())
     }
 
-    /// What is not wrong, but cannot have been meant.
+    /// Warnings: what is valid, but probably not intended.
     fn warnings(&self) -> Vec<String> {
         self.catalogue.warnings(&self.scenario)
     }
 
-    /// Everything but the run: ports and links. With `here` every participant is made in this process, else each program of its own
-    /// is started and asked.
+    /// The ports and links, without a run. With `here`, every participant is created in this process; otherwise each separate program is
+    /// started and queried.
     fn check<'py>(&self, py: Python<'py>, here: bool) -> PyResult<Bound<'py, PyDict>> {
         let known = py.detach(|| {
             if here {

@@ -1,10 +1,10 @@
-//! Values of TOML and JSON as Python has them.
+//! TOML and JSON values as Python values.
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use toml::Value;
 
-/// `value` as Python's `tomllib` would give it; a date or a time is its text.
+/// `value` as Python's `tomllib` would return it; a date or a time is returned as its text.
 pub(crate) fn of_toml<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::String(text) => text.into_pyobject(py)?.into_any(),
@@ -29,7 +29,7 @@ pub(crate) fn of_toml<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py
     })
 }
 
-/// `value` by way of its text.
+/// Converts `value` through its text.
 pub(crate) fn of_json<'py>(py: Python<'py>, value: &serde_json::Value) -> PyResult<Bound<'py, PyAny>> {
     py.import("json")?.call_method1("loads", (value.to_string(),))
 }

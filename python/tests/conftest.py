@@ -1,4 +1,4 @@
-"""What all tests share: where the project's scenarios and programs are. They run against the installed package."""
+"""Shared by all tests: the locations of the project's scenarios and programs. The tests run against the installed package."""
 
 import os
 import pathlib
@@ -16,14 +16,14 @@ sys.path.insert(0, str(EXAMPLES))
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
-    """Runs leave their folders in a place of the test's own."""
+    """Runs create their folders in a directory that belongs to the test."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def built():
-    """Where the programs of the examples are."""
+    """The folder with the programs of the examples."""
     folder = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release"
     for needed in ("escapement", "spring", "libposition_loop.so"):
         assert (folder / needed).is_file(), f"{folder / needed} is not built: cargo build --release --workspace"
@@ -32,7 +32,7 @@ def built():
 
 @pytest.fixture
 def scenario(tmp_path):
-    """Writes a scenario: a Python class of the test's own alone, or fed by another."""
+    """Writes a scenario: a Python class of the test alone, or fed by another participant."""
 
     def write(text, name="own.toml"):
         path = tmp_path / name

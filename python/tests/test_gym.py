@@ -76,7 +76,7 @@ def test_bounds_are_those_of_guards():
     one = Env(PID, "controller", reward=reward, participants=LOOP, set=guard)
     assert (one.action_space.low, one.action_space.high) == (-20.0, 20.0)
     assert one.observation_space.low.tolist() == [-0.5, -np.inf, -np.inf]
-    # Who leaves them ends the episode, and the next one begins afresh.
+    # Leaving the bounds ends the episode; the next one starts from the beginning.
     one.reset()
     assert not one.step([19.0])[2]
     _, _, over, _, info = one.step([21.0])
@@ -126,7 +126,7 @@ def test_agent_with_the_law_of_the_controller_gives_its_tape():
     whole = esc.run(PID, participants=LOOP, record="digest", in_process=True)
     one = env()
     assert played(one, pid).digest == whole.digest
-    # And again, from the checkpoint of the beginning.
+    # Once more, from the checkpoint at the start.
     integral[0] = 0.0
     assert played(one, pid).digest == whole.digest
 
@@ -235,7 +235,7 @@ delay = "10 ms"
     given = one._run.newest("agent.back")
     assert given.count.tolist() == [5, -3] and given.mode is Mode.OFF or given.mode == 0
     assert bool(given.flag) is True
-    # A byte that is no value of its type ends the episode.
+    # A byte that is not a value of its type ends the episode.
     _, _, over, _, info = one.step([0.0, 0.0, 2.0, 0.0])
     assert over and "agent" in info["failure"] and "mode" in info["failure"]
 

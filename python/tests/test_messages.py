@@ -1,4 +1,4 @@
-"""Messages: layout, values, and what they refuse."""
+"""Messages: layout, values, and rejected input."""
 
 import enum
 import pickle

@@ -1,4 +1,4 @@
-"""Participants in Python: what they can, and what is one clear error with their names."""
+"""Participants in Python: their features, and mistakes that give one clear error with the participant's name."""
 
 import gc
 import sys
@@ -95,7 +95,7 @@ def test_participant_knows_which_outputs_are_seen(scenario):
     seen.clear()
     esc.run(scenario(FED), participants={"tank": Tank, "pump": Pump}, in_process=True)
     assert seen == [[True] * 4] * 11
-    # By hand everything is seen.
+    # Called directly, every output is seen.
     assert Tank().is_seen("detail")
     with pytest.raises(AttributeError, match="'flow' is no output of `Tank`; there are level, detail"):
         Tank().is_seen("flow")
@@ -139,7 +139,7 @@ def test_array_of_the_wrong_shape_fails_with_name_instant_and_line(scenario):
     assert "`tank`: failed at t = 0.3 s" in str(error) and "`parts` of `Level` has the shape (3,)" in str(error)
     assert "test_participants.py:" in str(error)
     assert isinstance(error.__cause__, esc.MessageError)
-    # The tape has what came before, and the log the traceback.
+    # The tape has the samples before the failure, and the log has the traceback.
     assert len(error.run["tank.level"]) == 3
     assert "Traceback" in error.run.log("tank") and "np.zeros(4)" in error.run.log("tank")
 
@@ -316,7 +316,7 @@ def test_terminate_is_called(scenario):
 
     esc.run(scenario(ALONE), participants={"tank": Ends})
     assert ended == ["tank"]
-    # One that is only asked for its ports has no part in a run.
+    # A participant that is only queried for its ports is not part of a run.
     esc.Scenario(scenario(ALONE), participants={"tank": Ends}).check()
     gc.collect()
     assert ended == ["tank"]
@@ -352,7 +352,7 @@ class Diary(esc.Participant):
         self.log(f"ends, {self.termination}, at page {self.number}")
 '''
 
-# As in tests/tests/diaries.rs, which has the other languages.
+# As in tests/tests/diaries.rs, which covers the other languages.
 DIARIES = """
 duration = "50 ms"
 [participants.first]
@@ -381,7 +381,7 @@ def test_log_and_end_are_as_in_other_languages(scenario, tmp_path, here):
     own = [line for line in raised.value.run.log("second").splitlines() if line.startswith("second at t = ")]
     assert own == ["second at t = 0 s: begins", "second at t = 0.02 s: ends, stopped, at page 2"]
     first = raised.value.run.log("first")
-    # In a process of its own it may not have begun by then: such a one is told nothing.
+    # In a separate process it may not have started by then; `terminate` is then not called.
     assert first.count("ends, ") == first.count("begins") <= 1 and (not here or "ends, stopped" in first)
 
 

@@ -1,4 +1,4 @@
-"""Runs: whatever runs where, one tape; checkpoints, restarts, substitutions, campaigns, handles, Ctrl-C."""
+"""Runs: the same tape wherever participants run; checkpoints, restarts, substitutions, campaigns, handles, Ctrl-C."""
 
 import os
 import signal
@@ -23,7 +23,7 @@ def library(built, which):
 
 
 def in_rust(built):
-    """The position loop with everybody in Rust, as changes of the scenario."""
+    """The position loop with all participants in Rust, as changes of the scenario."""
     seats = {"plant": "plant", "controller": "pid", "reference": "reference"}
     return {f"participants.{seat}.run": library(built, which) for seat, which in seats.items()}
 
@@ -70,7 +70,7 @@ def test_one_resumes_what_the_other_began(rust):
 
 
 def test_the_program_takes_up_what_python_began(rust):
-    """What was run in one process of Python is a run folder like any other: replayed, resumed, and shadowed by the program."""
+    """A run in one Python process gives an ordinary run folder: the program can replay, resume and shadow it."""
     begun = esc.run(PID, participants=LOOP, checkpoint_at="1.234 s", out="begun")
     same(rust, begun)
     program = _program.find()
@@ -87,7 +87,7 @@ def test_the_program_takes_up_what_python_began(rust):
 
 
 def test_state_has_objects_of_its_own_file(rust, tmp_path):
-    """Whoever resumes has imported the file under another name: the script, the module, and the host."""
+    """A run is resumed where the file was imported under another name: as a script, as a module, and by the host."""
     (tmp_path / "own.py").write_text(textwrap.dedent(f"""
         import sys
         sys.path.insert(0, {str(EXAMPLES)!r})
@@ -126,7 +126,7 @@ def test_state_has_objects_of_its_own_file(rust, tmp_path):
 
 
 def test_it_is_restarted_after_a_kill(rust, tmp_path, built):
-    """A controller that is killed once, in mid-run, is started again from the last checkpoint: the tape is that of the undisturbed run."""
+    """A controller killed once during the run is restarted from the last checkpoint: the tape is that of the undisturbed run."""
     (tmp_path / "dies.py").write_text(textwrap.dedent(f"""
         import os, sys
         sys.path.insert(0, {str(EXAMPLES)!r})
@@ -147,7 +147,7 @@ def test_it_is_restarted_after_a_kill(rust, tmp_path, built):
 
 
 def test_substitution_in_mid_run_from_rust_to_python(rust, built):
-    """The reference has no state, and the plant's is kept by whoever knows it: Python takes over from Rust and from Python."""
+    """The reference has no state, and the controller's state is kept where the replacement can restore it: Python replaces Rust and Python."""
     host = '{{ exe = "{}", args = ["-m", "escapement.host", "{}/{}"] }}'
     takes = 'at="1.5 s",substitute="{}",run={}{}'
     python = host.format(sys.executable, EXAMPLES, "pid.py:Reference")
@@ -158,7 +158,7 @@ def test_substitution_in_mid_run_from_rust_to_python(rust, built):
     fault = takes.format("controller", python, ',state="keep"')
     for here in (True, False):
         same(rust, esc.run(PID, participants=LOOP, faults=[fault], in_process=here, out=f"kept-{here}"))
-    # The state of one in Rust is none of a participant in Python, unless its `restore` takes it.
+    # A participant in Python cannot restore the state of one in Rust unless its `restore` accepts it.
     with pytest.raises(esc.EscapementError, match="none of a participant in Python"):
         esc.run(PID, set=in_rust(built), faults=[fault], in_process=True, out="refused")
 
@@ -197,7 +197,7 @@ def test_declared_faults_are_those_of_the_host(built, fault):
 
 
 def test_a_fault_is_a_dict_or_a_text(built):
-    """Numbers, lists, tables and texts that look like numbers come through as what they are."""
+    """Numbers, lists, tables and texts that look like numbers keep their types."""
     text = "at=1s,until=2s,connection=measured,drop=0.5,extra-delay='3 ms'"
     table = {"at": "1 s", "until": "2 s", "connection": "measured", "drop": 0.5, "extra-delay": "3 ms"}
     said = esc.run(PID, set=in_rust(built), faults=[text], out="text")
@@ -208,7 +208,7 @@ def test_a_fault_is_a_dict_or_a_text(built):
 
 
 def test_a_class_takes_over_in_mid_run(rust):
-    """Whether the class is in this process or a process of its own, and with a class in its place before."""
+    """In this process and in separate processes, where the participant that is replaced is a class as well."""
     takes = {"at": "1.5 s", "substitute": "controller", "run": loop.Pid, "state": "keep"}
     for here in (True, False):
         same(rust, esc.run(PID, participants=LOOP, faults=takes, in_process=here, out=f"taken-{here}"))
@@ -273,7 +273,7 @@ def test_scenario_as_an_object(tmp_path):
     with pytest.raises(esc.ScenarioError, match="given with --set") as caught:
         scenario.set("connections.to-right.delay", "3 apples")
     assert caught.value.key == "connections.to-right.delay"
-    # What was refused has changed nothing.
+    # A rejected change changes nothing.
     assert esc.run(scenario)["left.motion"].t[-1] == 2.0
     bad = tmp_path / "bad.toml"
     bad.write_text('duration = "1 s"\n\n[participants.a]\nrun = { builtin = "spring" }\nperiode = "1 ms"\n')
@@ -360,7 +360,7 @@ if __name__ == "__main__":
 def test_ctrl_c_ends_a_run_in_order(here, tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(examples=str(EXAMPLES), scenario=str(SPRING), here=here))
-    # Who starts tests in the background may have them ignore this signal, and a process inherits that.
+    # Tests started in the background may ignore this signal, and a process inherits that.
     heard = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen([sys.executable, script], **pipes, text=True, cwd=tmp_path, preexec_fn=heard)

@@ -1,4 +1,4 @@
-"""The type stubs say what there is: names, and the parameters of functions and methods."""
+"""The type stubs match the package: names, and the parameters of functions and methods."""
 
 import ast
 import inspect
@@ -42,7 +42,7 @@ def test_stubs_say_what_there_is(file):
     if module is escapement:
         assert set(escapement.__all__) <= names
     for name, overloads in found.items():
-        # What `save` gives is a class of the module in Rust.
+        # The result of `save` is a class of the Rust module.
         if name.startswith("Saved."):
             continue
         thing = module

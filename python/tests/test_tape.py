@@ -1,4 +1,4 @@
-"""Tapes: numpy arrays that lie in the files, and what other packages make of them."""
+"""Tapes: numpy arrays mapped from the files, and their conversions for other packages."""
 
 import json
 import os
@@ -122,7 +122,7 @@ def test_what_is_no_run_is_refused(tmp_path):
 
 
 def test_a_thousand_runs_do_not_grow(tmp_path):
-    """The memory of this process after the first hundred runs is that after all of them, and so are its mappings and files."""
+    """After the first two hundred runs, the memory, mappings and open files of this process do not grow any more."""
 
     class Own(spring.Spring):
         def step(self, t, dt):

@@ -1,4 +1,4 @@
-//! Participants in C and C++, built as their users build them: over what `install.sh` installs.
+//! Participants in C and C++, built as a user builds them: against what `install.sh` installs.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -6,18 +6,18 @@ use std::sync::OnceLock;
 
 use crate::program::{built, root, text};
 
-/// Flags under which our headers and examples give no warning.
+/// Flags under which the headers and examples of the project give no warning.
 pub const STRICT: [&str; 6] = ["-O2", "-g", "-Wall", "-Wextra", "-Werror", "-pedantic"];
 
-/// A folder with everything installed below `prefix`, and whatever is built.
+/// A folder with everything installed below `prefix`, and with the built files.
 pub struct Workshop {
     folder: PathBuf,
 }
 
-/// Does `command` to its end.
+/// Runs `command` to its end.
 ///
 /// # Panics
-/// When it fails, with what it said.
+/// When it fails, with its output.
 pub fn must(command: &mut Command) -> String {
     let said = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
     let words = [said.stdout, said.stderr].concat();
@@ -27,7 +27,7 @@ pub fn must(command: &mut Command) -> String {
 }
 
 impl Workshop {
-    /// The one of this test, called `name`: anew in each process.
+    /// The folder of this test, called `name`: a new one in each process.
     pub fn open(name: &str) -> Workshop {
         let folder = built().join("tmp").join(format!("workshop-{name}"));
         let _ = std::fs::remove_dir_all(&folder);
@@ -42,12 +42,12 @@ impl Workshop {
         workshop
     }
 
-    /// A file in it.
+    /// A file in the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
 
-    /// What pkg-config says of the installed package `package`.
+    /// The output of pkg-config for the installed package `package`.
     fn flags(&self, package: &str) -> Vec<String> {
         let mut command = Command::new("pkg-config");
         command.env("PKG_CONFIG_PATH", self.path("prefix/lib/pkgconfig"));
@@ -55,7 +55,7 @@ impl Workshop {
         said.split_whitespace().map(str::to_owned).collect()
     }
 
-    /// Compiles `source`, which is relative to the project, into `name`; a plug-in or a program.
+    /// Compiles `source`, relative to the project, into `name`, a plug-in or a program.
     fn compile(&self, package: &str, source: &str, name: &str, more: &[&str]) -> PathBuf {
         let out = self.path(name);
         std::fs::create_dir_all(out.parent().expect("a name has a folder")).expect("the folder can be written");
@@ -79,17 +79,17 @@ impl Workshop {
         out
     }
 
-    /// A plug-in of `source`.
+    /// A plug-in from `source`.
     pub fn plugin(&self, source: &str, name: &str, more: &[&str]) -> PathBuf {
         self.compile("escapement-plugin", source, name, more)
     }
 
-    /// A program of `source` that drives runs.
+    /// A program from `source` that drives runs.
     pub fn caller(&self, source: &str, name: &str) -> PathBuf {
         self.compile("escapement-run", source, name, &[])
     }
 
-    /// A program of `source`.
+    /// A program from `source`.
     pub fn program(&self, source: &str, name: &str, more: &[&str]) -> PathBuf {
         self.compile("escapement", source, name, more)
     }

@@ -1,18 +1,18 @@
-//! A participant that writes down what becomes of it; in C and C++ it stands in `tests/plugins`.
+//! A participant that logs its life cycle; the C and C++ versions are in `tests/plugins`.
 
 use lockstep::participant::{
     Failure, Inputs, Interface, Kind, Log, Outputs, ParameterError, Participant, Setup, Step, Termination,
 };
 
 lockstep::message! {
-    /// What a diary gives out.
+    /// The output of a diary.
     pub struct Page {
-        /// Pages so far.
+        /// Number of pages so far.
         pub number: u64 = "1",
     }
 }
 
-/// Writes a line when it begins, in its third step, and when its part is over.
+/// Logs a line at its start, in its third step, and at its end.
 pub struct Diary {
     number: u64,
     fails_at: Option<u64>,

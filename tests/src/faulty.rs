@@ -1,4 +1,4 @@
-//! What the faulty participants share: the healthy damper, and a place to go wrong.
+//! Shared by the faulty participants: the healthy damper, with hooks for faults.
 
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -43,13 +43,13 @@ fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     Ok(Box::new(Faulty(Damper::factory(setup)?)))
 }
 
-/// The damper, with `before` called in front of every step.
+/// The damper, with `before` called before every step.
 pub fn damper(name: &str, before: fn(&Step)) -> ExitCode {
     let _ = BEFORE.set(before);
     lockstep::host::run(make, name)
 }
 
-/// The damper, with `after` let loose on its outputs.
+/// The damper, with `after` applied to its outputs.
 pub fn altered(name: &str, after: Fault) -> ExitCode {
     let _ = FAULT.set(after);
     lockstep::host::run(make, name)

@@ -1,24 +1,24 @@
-//! FMUs that tests build from the C sources in `tests/fmus`, and archives that are none.
+//! FMUs that tests build from the C sources in `tests/fmus`, and invalid archives.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::program::{Folder, root, text};
 
-/// What an FMU is to be.
+/// The description of a test FMU.
 #[derive(Debug, Clone, Copy)]
 pub struct Recipe {
     /// 2 or 3.
     pub version: u8,
-    /// A damper in place of a mass on a spring.
+    /// A damper instead of a mass on a spring.
     pub damper: bool,
-    /// Whether it can save its state.
+    /// Whether the FMU can save its state.
     pub state: bool,
-    /// The constant of `model.h` that says how it goes wrong.
+    /// The constant of `model.h` that selects the fault.
     pub fault: &'static str,
     /// Attributes of `CoSimulation`.
     pub attributes: &'static str,
-    /// The sizes of the array that the description has and the library has, in place of everything else.
+    /// The sizes of the array in the description and in the library; nothing else is in the FMU then.
     pub sizes: Option<(u32, u32)>,
     /// The folder of its library.
     pub platform: Option<&'static str>,
@@ -38,7 +38,7 @@ impl Recipe {
         }
     }
 
-    /// Builds it as `name` in `folder`.
+    /// Builds the FMU as `name` in `folder`.
     ///
     /// # Panics
     /// When there is no C compiler.
@@ -138,7 +138,7 @@ impl Recipe {
     }
 }
 
-/// A ZIP archive of these files, not packed.
+/// A ZIP archive of these files, uncompressed.
 pub fn archive(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
     let (mut bytes, mut directory) = (Vec::new(), Vec::new());
     for (name, contents) in entries {

@@ -1,4 +1,4 @@
-//! A damper that keeps to the protocol until it is told to lie: it uses the transport by hand, where a host would not let it.
+//! A damper that follows the protocol until it is to violate it: it uses the transport directly, where a host would prevent violations.
 
 use std::cell::RefCell;
 use std::process::{ExitCode, exit};
@@ -17,11 +17,11 @@ use lockstep::wire;
 
 use crate::parts::{Motion, Push};
 
-/// Its place in a run, with the ends of its links.
+/// Its slot in a run, with the ends of its links.
 pub struct Liar {
     /// Its part of the plan.
     pub assignment: Assignment,
-    /// Where its samples go.
+    /// The destination of its samples.
     pub record: SharedRecord,
     clock: ClockReader,
     input: LinkReceiver,
@@ -32,7 +32,7 @@ pub struct Liar {
     domain: Domain,
 }
 
-/// What the healthy one answers.
+/// The answers of the healthy damper.
 pub fn honest_reply(request: &Request) -> Reply {
     match request {
         Request::Hello { .. } => Reply::Hello {
@@ -48,7 +48,7 @@ pub fn honest_reply(request: &Request) -> Reply {
     }
 }
 
-/// Takes the damper's place; `reply` gives the bytes of each answer, or none to stay silent, and `act` follows the start.
+/// Joins the run in the damper's slot; `reply` returns the bytes of each answer, or none to stay silent, and `act` runs after the start.
 pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Liar)) -> ExitCode {
     let variable = |name| std::env::var(name).expect("started by an orchestrator");
     let (address, name) = (variable(lockstep::host::ADDRESS), variable(lockstep::host::PARTICIPANT));
@@ -66,7 +66,7 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
                 let record = record(&domain, &name, assignment.outputs[0].stream);
                 connected = Some((assignment, record));
             }
-            // Who is silent is silent for good.
+            // A participant that does not answer once stays silent for good.
             answer.unwrap_or_else(|| {
                 loop {
                     std::thread::park();
@@ -112,23 +112,23 @@ fn record(domain: &Domain, name: &str, stream: u32) -> SharedRecord {
 }
 
 impl Liar {
-    /// The right header of sample `k`.
+    /// The correct header of sample `k`.
     pub fn header(&self, k: u64) -> Header {
         let stamp = self.assignment.sample_time.instant(k);
         Header { index: k, stamp }
     }
 
-    /// The payload that it gives: no force, the `k`-th time.
+    /// The payload of its sample `k`: no force, and the count `k`.
     pub fn payload(k: u64) -> Vec<u8> {
         bytemuck::bytes_of(&Push { force: 0.0, count: k }).to_vec()
     }
 
-    /// Does what the plan says for activations 0 to `until`.
+    /// Executes the plan for activations 0 to `until`.
     pub fn behave(&mut self, until: u64) {
         self.behave_from(0, until);
     }
 
-    /// Does what the plan says for activations `from` to `until`.
+    /// Executes the plan for activations `from` to `until`.
     pub fn behave_from(&mut self, from: u64, until: u64) {
         for k in from..until {
             let mut motion = [0; size_of::<Motion>()];
@@ -147,14 +147,14 @@ impl Liar {
         }
     }
 
-    /// Says `note` of itself.
+    /// Reports `note` about itself.
     pub fn note(&mut self, note: &Note) {
         while !self.record.0.borrow_mut().note(note).expect("a record") {
             self.look();
         }
     }
 
-    /// Comes to rest at `horizon` with activation `next` to come, and answers requests with `reply` from then on.
+    /// Pauses at `horizon` with activation `next` to come, and answers requests with `reply` from then on.
     pub fn rest(&mut self, horizon: Ticks, next: u64, reply: impl Fn(&Request) -> Option<Vec<u8>>) {
         self.note(&Note::AtRest { horizon, next });
         loop {
@@ -167,17 +167,17 @@ impl Liar {
         }
     }
 
-    /// Opens a second way to the recorder, in place of the first.
+    /// Opens a second connection to the recorder, replacing the first.
     pub fn record_anew(&mut self) {
         self.record = record(&self.domain, &self.name, self.assignment.outputs[0].stream);
     }
 
-    /// Opens the way to the recorder that belongs to `another`, beside its own.
+    /// Opens the recorder connection that belongs to `another`, in addition to its own.
     pub fn intrude(&self, another: &str) -> RecordSender {
         RecordSender::open(&self.domain, another, 0, &[size_of::<Push>()], 1 << 20).expect("a record")
     }
 
-    /// Puts a sample onto the tape: of its own stream, unless another is named.
+    /// Writes a sample to the tape: to its own stream, unless another is named.
     pub fn record(&mut self, stream: Option<u32>, header: Header, payload: &[u8]) {
         let own = self.assignment.outputs[0].stream;
         let stream = stream.unwrap_or(own);

@@ -1,4 +1,4 @@
-//! What the end-to-end tests share: messages, small healthy participants, and a way to start the program as a user does.
+//! Shared by the end-to-end tests: messages, small healthy participants, and functions that start the program as a user does.
 
 pub mod compiler;
 pub mod diary;

@@ -1,4 +1,4 @@
-//! What a run must not leave on the machine.
+//! What runs may leave on the machine, and must not.
 
 use std::fs;
 use std::io::Read;
@@ -8,17 +8,17 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Everything of runs that are not alive any more: objects in shared memory and folders.
+/// Everything left by runs that are no longer alive: objects in shared memory and folders.
 ///
-/// Tests run side by side, so what belongs to a living run is somebody else's and is left out.
+/// Tests run in parallel, so everything that belongs to a living run may be another test's and is left out.
 pub fn leftovers() -> Vec<String> {
     let said = crate::program::orchestrate(&["doctor", "--json"]).json();
     let found = said["leftovers"].as_array().cloned().unwrap_or_default();
     found.iter().map(ToString::to_string).chain(orphans()).collect()
 }
 
-/// Objects in shared memory whose run has no folder any more, so that nobody would ever find them. Read from the machine itself:
-/// what the program says of it is not consulted. A run takes its objects away first and its folder last.
+/// Objects in shared memory whose run has no folder any more, so that they could never be found. Read from the machine itself,
+/// independently of what the program reports. A run removes its objects first and its folder last.
 pub fn orphans() -> Vec<String> {
     let memory = Path::new("/dev/shm");
     let entries = fs::read_dir(memory).into_iter().flatten().flatten();
@@ -30,10 +30,10 @@ pub fn orphans() -> Vec<String> {
     names.filter(orphan).collect()
 }
 
-/// The processes whose command line names `folder`, or something in it.
+/// The processes whose command line contains `folder`, or a path in it.
 pub fn processes_of(folder: &std::path::Path) -> Vec<String> {
     let name = folder.as_os_str().as_encoded_bytes();
-    // Folders of tests end with a number: that of the second is how that of the twentieth begins.
+    // Folders of tests end with a number, and one number may be a prefix of another (2 and 20).
     let goes_on = |line: &[u8], at: usize| line.get(at + name.len()).is_some_and(u8::is_ascii_alphanumeric);
     let names_it = |line: &[u8]| {
         let mut places = line.windows(name.len()).enumerate();
@@ -50,17 +50,17 @@ pub fn processes_of(folder: &std::path::Path) -> Vec<String> {
         .collect()
 }
 
-/// Sends `signal` to the process `pid`; whether it was there.
+/// Sends `signal` to the process `pid`; returns whether it existed.
 pub fn signal(pid: u32, signal: Signal) -> bool {
     let pid = Pid::from_raw(pid as i32).expect("a process has a number");
     kill_process(pid, signal).is_ok()
 }
 
-/// Waits until `done`. A run that ends before ends the wait, with its own words.
+/// Waits until `done`. If the run ends earlier, the wait fails with the run's output.
 pub fn wait_until(run: &mut Child, what: &str, done: impl Fn() -> bool) {
     let started = Instant::now();
     loop {
-        // The end first: what was done just before it counts.
+        // Check for the end first: what was done just before it counts.
         let ended = run.try_wait().expect("a child can be waited for");
         if done() {
             return;
@@ -76,7 +76,7 @@ pub fn wait_until(run: &mut Child, what: &str, done: impl Fn() -> bool) {
     }
 }
 
-/// What a run that has ended has written.
+/// The output of a run that has ended.
 fn words(run: &mut Child) -> String {
     let mut all = Vec::new();
     let _ = run.stderr.take().map(|mut pipe| pipe.read_to_end(&mut all));
@@ -92,7 +92,7 @@ pub fn wait_for_bytes(run: &mut Child, path: &Path, bytes: u64) {
     });
 }
 
-/// The process that writes `log`, the first one of a participant in a run folder.
+/// The process that writes `log`, the first process of a participant in a run folder.
 pub fn writer_of(log: &Path) -> Option<u32> {
     let participant = log.file_stem()?.to_str()?;
     let run = log.parent()?.parent()?.as_os_str().as_encoded_bytes();

@@ -1,22 +1,22 @@
-//! Which file of a package uses which: the graph of its modules, and the circles in it.
+//! The dependency graph of the files of a package, and its cycles.
 //!
-//! A file uses another one when a path in its code (`crate::`, `super::`, `self::`, a child's name) ends at something that stands there. `mod
-//! child;` uses nothing. What a module passes on (`pub use`) counts as being where it was made, so a facade closes no circle; but a
-//! facade in which something is made that its children use, and that uses the children, does.
+//! A file depends on another one when a path in its code (`crate::`, `super::`, `self::`, a child's name) resolves to an item there.
+//! `mod child;` is no dependency. A re-exported item (`pub use`) counts as being where it is defined, so a facade closes no cycle; but a
+//! facade that defines an item which its children use, and that uses the children, does.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use crate::rust::{Token, closing, code_of, tokens};
 
-/// A module that has a file.
+/// A module that has its own file.
 struct Module {
     file: PathBuf,
     parent: Option<usize>,
     children: BTreeMap<String, usize>,
-    /// Every path that the file names, each with how many modules within the file it stands in.
+    /// Every path in the file, each with the number of inline modules around it.
     paths: Vec<(usize, Vec<String>)>,
-    /// What a `use` brings in for others to name, children at least: the name and the path behind it.
+    /// Names that a `use` makes available to other modules, at least to children: the name and its path.
     exports: BTreeMap<String, Vec<String>>,
 }
 
@@ -55,7 +55,7 @@ impl Modules {
             }
             let name = &three[1].text;
             let places = [below.join(format!("{name}.rs")), below.join(name).join("mod.rs")];
-            // One with another path belongs to several targets, and is read where its path leads by default.
+            // A module with another path belongs to several targets, and is read where its path leads by default.
             if let Some(place) = places.iter().find(|place| place.exists()) {
                 let child = self.add(place, Some(own), false);
                 self.0[own].children.insert(name.clone(), child);
@@ -64,7 +64,7 @@ impl Modules {
         own
     }
 
-    /// Where the path that stands in `from`, within `inner` modules of the file, ends.
+    /// The file to which a path in `from`, within `inner` inline modules, resolves.
     fn resolve(&self, from: usize, inner: usize, path: &[String], depth: usize) -> Option<usize> {
         let mut rest = path;
         let mut at = from;
@@ -72,7 +72,7 @@ impl Modules {
             "crate" => (at, rest) = (0, &path[1..]),
             "self" => rest = &path[1..],
             "super" => {
-                // Those that only lead out of modules within the file stay in it.
+                // Paths that only leave inline modules stay in the file.
                 let mut outwards = 0;
                 while rest.first().is_some_and(|one| one == "super") {
                     (outwards, rest) = (outwards + 1, &rest[1..]);
@@ -94,7 +94,7 @@ impl Modules {
         }
     }
 
-    /// Every circle: files each of which uses the others, through others of them or by itself.
+    /// Every cycle: files each of which depends on the others, through others of them or directly.
     pub fn circles(&self) -> Vec<Vec<&Path>> {
         let uses: Vec<BTreeSet<usize>> = (self.0.iter().enumerate())
             .map(|(own, module)| {
@@ -119,7 +119,7 @@ impl Modules {
         circles
     }
 
-    /// What each file of a circle uses of the others, to see where to cut.
+    /// The items of a cycle's files that the others use, to see where to cut.
     pub fn uses_within(&self, circle: &[&Path]) -> Vec<(&Path, &Path, String)> {
         let mut found = Vec::new();
         for (own, module) in self.0.iter().enumerate() {
@@ -139,7 +139,7 @@ impl Modules {
     }
 }
 
-/// Whatever can be reached from `from`, itself only when it lies on a circle.
+/// All files reachable from `from`; `from` itself only when it lies on a cycle.
 fn reachable(uses: &[BTreeSet<usize>], from: usize) -> BTreeSet<usize> {
     let mut reached = BTreeSet::new();
     let mut next: Vec<usize> = uses[from].iter().copied().collect();
@@ -151,7 +151,7 @@ fn reachable(uses: &[BTreeSet<usize>], from: usize) -> BTreeSet<usize> {
     reached
 }
 
-/// The tokens without the items below `#[cfg(test)]`.
+/// The tokens without the items marked `#[cfg(test)]`.
 fn without_tests(tokens: &[Token]) -> Vec<Token> {
     const MARK: [&str; 7] = ["#", "[", "cfg", "(", "test", ")", "]"];
     let mut kept = Vec::new();
@@ -179,10 +179,10 @@ fn without_tests(tokens: &[Token]) -> Vec<Token> {
 
 type Named = (Vec<(usize, Vec<String>)>, BTreeMap<String, Vec<String>>);
 
-/// The paths in a file's code, and what its `use` brings in, for its children too.
+/// The paths in a file's code, and the names that its `use` items make available, also to its children.
 fn named(tokens: &[Token]) -> Named {
     let (mut paths, mut exports) = (Vec::new(), BTreeMap::new());
-    // Where each module within the file ends.
+    // The end of each inline module.
     let mut inner: Vec<usize> = Vec::new();
     let mut at = 0;
     while at < tokens.len() {
@@ -210,7 +210,7 @@ fn named(tokens: &[Token]) -> Named {
                 path.push(tokens[at + 2].text.clone());
                 at += 2;
             }
-            // `pub(in crate::here)` and `pub(super)` say who may see, and use nothing.
+            // `pub(in crate::here)` and `pub(super)` state visibility, and are no dependency.
             let restricts = at > 1 && tokens.get(at + 1).is_some_and(|next| next.text == ")") && {
                 let begin = at + 1 - (2 * path.len() - 1);
                 let before = |back: usize| begin.checked_sub(back).map(|before| tokens[before].text.as_str());
@@ -232,7 +232,7 @@ fn is_word(text: &str) -> bool {
     text.starts_with(|c: char| c.is_alphabetic() || c == '_')
 }
 
-/// The names that a `use` brings in, each with its path.
+/// The names that a `use` introduces, each with its path.
 fn tree(tokens: &[Token]) -> Vec<(String, Vec<String>)> {
     let mut found = Vec::new();
     let mut prefix: Vec<String> = Vec::new();

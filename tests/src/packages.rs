@@ -1,4 +1,4 @@
-//! Packages of system structures (SSP) that tests make, and their import.
+//! Packages of system structures (SSP) that tests create, and their import.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ pub const SPACES: &str = "xmlns:ssd=\"http://ssp-standard.org/SSP1/SystemStructu
     xmlns:ssc=\"http://ssp-standard.org/SSP1/SystemStructureCommon\" xmlns:ssv=\"http://ssp-standard.org/SSP1/SystemStructureParameterValues\" \
     xmlns:ssm=\"http://ssp-standard.org/SSP1/SystemStructureParameterMapping\"";
 
-/// A description with the root system's content.
+/// A description with the given content of the root system.
 pub fn description(system: &str, rest: &str) -> String {
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<ssd:SystemStructureDescription {SPACES} version=\"1.0\" name=\"Test\">\n\
@@ -18,7 +18,7 @@ pub fn description(system: &str, rest: &str) -> String {
     )
 }
 
-/// A package of these files beside `SystemStructure.ssd`.
+/// A package of these files and `SystemStructure.ssd`.
 ///
 /// # Panics
 /// When the folder cannot be written.
@@ -33,12 +33,12 @@ pub fn package(folder: &Folder, description: &str, files: &[(&str, Vec<u8>)]) ->
 /// The contents of a file.
 ///
 /// # Panics
-/// When it is not there.
+/// When it does not exist.
 pub fn read(path: &Path) -> Vec<u8> {
     std::fs::read(path).expect("the file is there")
 }
 
-/// A mass on a spring (FMI 2.0) and a damper (FMI 3.0), built here.
+/// Builds a mass on a spring (FMI 2.0) and a damper (FMI 3.0).
 ///
 /// # Panics
 /// When there is no C compiler.
@@ -66,10 +66,10 @@ pub const NESTED_REST: &str = r#"<ssd:Units>
 </ssd:Units>
 <ssd:DefaultExperiment startTime="0" stopTime="2"/>"#;
 
-/// Runs the imported scenario in both ways and `by_hand` beside it, and sees that all have one tape.
+/// Runs the imported scenario in both ways, and `by_hand` as well, and checks that all tapes are equal.
 ///
 /// # Panics
-/// When they have not.
+/// When they are not.
 pub fn is_what_is_written_by_hand(folder: &Folder, by_hand: &str) {
     let imported = folder.path().join("imported/scenario.toml");
     let checked = orchestrate(&["check", text(&imported)]);

@@ -1,10 +1,10 @@
-//! The page of a run under `--live`, as a browser asks it.
+//! The page of a run under `--live`, queried as by a browser.
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-/// Where a page is.
+/// The address of a page.
 #[derive(Debug, Clone)]
 pub struct Page {
     /// Address and port.
@@ -14,7 +14,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// The page that the orchestrator has announced in `said`.
+    /// The page announced by the orchestrator in `said`.
     pub fn of(said: &str) -> Option<Page> {
         let url = said
             .lines()
@@ -29,7 +29,7 @@ impl Page {
     /// Status and body of the answer to a request; `{host}`, `{path}` and `{origin}` stand for those of the page.
     ///
     /// # Errors
-    /// When the server is gone, or gives no answer.
+    /// When the server has ended, or does not answer.
     pub fn try_ask(&self, request: &str) -> io::Result<(u16, String)> {
         let request = request.replace("{host}", &self.host).replace("{path}", &self.path);
         let request = request.replace("{origin}", &format!("http://{}", self.host));
@@ -46,7 +46,7 @@ impl Page {
     /// A connection to the server.
     ///
     /// # Errors
-    /// When there is none.
+    /// When there is no connection.
     pub fn connect(&self) -> io::Result<TcpStream> {
         let stream = TcpStream::connect(&self.host)?;
         stream.set_read_timeout(Some(Duration::from_secs(60)))?;

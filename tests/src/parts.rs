@@ -1,9 +1,9 @@
-//! Small participants of which the tests build their scenarios.
+//! Small participants from which the tests build their scenarios.
 
 use engine::run::{Options, Record};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
 
-/// A run in this process that keeps so much.
+/// Options for a run in this process with this record.
 pub fn inside(record: Record) -> Options {
     Options {
         in_process: true,
@@ -23,23 +23,23 @@ lockstep::message! {
 }
 
 lockstep::message! {
-    /// What pushes the oscillator.
+    /// The force on the oscillator.
     pub struct Push {
         /// Force along x.
         pub force: f64 = "N" in "N",
-        /// How many pushes there have been.
+        /// Number of pushes so far.
         pub count: u64 = "1",
     }
 }
 
-/// A mass on a spring: continuous, reads a push, gives its motion.
+/// A mass on a spring: continuous, reads a push, publishes its motion.
 #[derive(Default)]
 pub struct Oscillator {
     motion: Motion,
 }
 
 impl Oscillator {
-    /// Starts one metre off.
+    /// Starts one metre from equilibrium.
     pub fn factory(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
         Ok(Box::new(Oscillator {
             motion: Motion {
@@ -80,19 +80,19 @@ impl Participant for Oscillator {
     }
 }
 
-/// A damper: sampled, reads a motion, gives a push.
+/// A damper: sampled, reads a motion, publishes a push.
 #[derive(Default)]
 pub struct Damper {
     count: u64,
 }
 
 impl Damper {
-    /// Knows no parameters.
+    /// Has no parameters.
     pub fn factory(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
         Ok(Box::new(Damper::default()))
     }
 
-    /// The force against a motion, N.
+    /// The force for a motion, N.
     pub fn force(motion: &Motion) -> f64 {
         -0.8 * motion.velocity
     }

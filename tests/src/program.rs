@@ -1,4 +1,4 @@
-//! The program as its user starts it.
+//! The program, started as by its user.
 
 use std::ffi::OsStr;
 use std::io::Read;
@@ -46,14 +46,14 @@ pub fn spring() -> PathBuf {
 
 static BUILT: OnceLock<PathBuf> = OnceLock::new();
 
-/// Takes all programs as they are from now on: a process of the same build has built them.
+/// Uses all programs as they are from now on: a process of the same build has built them.
 pub fn all_built() {
     let _ = BUILT.set(programs());
 }
 
-/// The folder with everything that a test may start. Cargo builds only the programs of the package that is tested, so the others are
-/// built here: once, and by one command, of the whole workspace, because a part of it would mean
-/// other features of what is shared.
+/// The folder with everything that a test may start. Cargo builds only the programs of the package under test, so the others are built
+/// here: once, and by one command for the whole workspace, because building a part of it would select other features of shared
+/// dependencies.
 pub fn built() -> &'static Path {
     BUILT.get_or_init(|| {
         let folder = programs();
@@ -62,7 +62,7 @@ pub fn built() -> &'static Path {
     })
 }
 
-/// Sees that the programs are in `target/release`, where scenarios of the examples name them, whatever profile a test was built with.
+/// Ensures that the programs are in `target/release`, where scenarios of the examples name them, whatever profile a test was built with.
 pub fn built_as_shipped() {
     if !built().ends_with("release") {
         build(true);
@@ -73,7 +73,7 @@ fn build(release: bool) {
     let mut cargo = Command::new(env!("CARGO"));
     cargo
         .current_dir(root())
-        // With the libraries: plug-ins, and that of programs in C.
+        // With the libraries: plug-ins, and the library for programs in C.
         .args(["build", "--quiet", "--workspace", "--bins", "--lib"]);
     if release {
         cargo.arg("--release");
@@ -87,14 +87,14 @@ pub fn text(path: &Path) -> &str {
     path.to_str().expect("paths of tests are text")
 }
 
-/// A folder that is removed with everything in it, unless it is kept.
+/// A folder that is removed with its content, unless it is kept.
 pub struct Folder {
     path: PathBuf,
     kept: AtomicBool,
 }
 
 impl Folder {
-    /// A new one under the build's folder for temporary files.
+    /// A new folder below the build's folder for temporary files.
     pub fn new(name: &str) -> Folder {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -113,13 +113,13 @@ impl Folder {
         &self.path
     }
 
-    /// Leaves it where it is, for a look at what went wrong.
+    /// Keeps the folder, for a diagnosis.
     pub fn keep(&self) -> &Path {
         self.kept.store(true, Ordering::Relaxed);
         &self.path
     }
 
-    /// Writes a file into it.
+    /// Writes a file into the folder.
     pub fn write(&self, name: &str, text: &str) -> PathBuf {
         let path = self.path.join(name);
         std::fs::write(&path, text).expect("the folder can be written");
@@ -135,7 +135,7 @@ impl Drop for Folder {
     }
 }
 
-/// What a finished program said.
+/// The output of a finished program.
 #[derive(Debug)]
 pub struct Said {
     /// The exit code; `None` when a signal ended it.
@@ -163,22 +163,22 @@ impl Said {
     }
 }
 
-/// `orchestrator` with `arguments`, to its end. A test that could hang is ended after two minutes.
+/// Runs `orchestrator` with `arguments` to its end. A test that hangs is ended after two minutes.
 pub fn orchestrate(arguments: &[&str]) -> Said {
     finish(start(arguments))
 }
 
-/// `orchestrator` with `arguments`, still running.
+/// Starts `orchestrator` with `arguments`.
 pub fn start(arguments: &[&str]) -> Child {
     begin(orchestrator(), arguments)
 }
 
-/// `program` with `arguments`, to its end, as with [`orchestrate`].
+/// Runs `program` with `arguments` to its end, as [`orchestrate`] does.
 pub fn call(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Said {
     finish(begin(program, arguments))
 }
 
-/// `program` with `arguments`, still running.
+/// Starts `program` with `arguments`.
 pub fn begin(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Child {
     let mut command = Command::new(program);
     command
@@ -190,7 +190,7 @@ pub fn begin(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Child {
     command.spawn().expect("the program can be started")
 }
 
-/// Waits for the end of a started program, and takes what it writes meanwhile: a pipe that is full would stop it.
+/// Waits for the end of a started program, and reads its output meanwhile: a full pipe would block it.
 pub fn finish(mut child: Child) -> Said {
     let started = Instant::now();
     let out = child.stdout.take().map(drain);
@@ -213,7 +213,7 @@ pub fn finish(mut child: Child) -> Said {
     said
 }
 
-/// Reads to the end, beside whoever waits.
+/// Reads to the end, in parallel with the wait.
 fn drain(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
     std::thread::spawn(move || {
         let mut all = Vec::new();

@@ -1,4 +1,4 @@
-//! Rust sources as text without what is no code, their functions, and the paths that they name.
+//! Rust sources as text without comments and literals, their functions, and the paths that they name.
 
 /// `text` with comments, strings and characters blanked out; every line keeps its length and its number.
 pub fn code_of(text: &str) -> String {
@@ -15,7 +15,7 @@ pub fn code_of(text: &str) -> String {
     code
 }
 
-/// Where the comment, string or character that begins at `at` ends; `at` when none begins there.
+/// The end of the comment, string or character that begins at `at`; `at` when none begins there.
 fn end_of_blank(chars: &[char], at: usize) -> usize {
     let rest = &chars[at..];
     let within_word = at > 0 && (chars[at - 1].is_alphanumeric() || chars[at - 1] == '_');
@@ -58,7 +58,7 @@ fn end_of_string(chars: &[char], mut at: usize) -> usize {
     (at + 1).min(chars.len())
 }
 
-/// `begin` when what looks like a raw string is a raw identifier.
+/// Returns `begin` when an apparent raw string is a raw identifier.
 fn end_of_raw(chars: &[char], begin: usize, at: usize) -> usize {
     let hashes = chars[at..].iter().take_while(|&&c| c == '#').count();
     if chars.get(at + hashes) != Some(&'"') {
@@ -121,7 +121,7 @@ pub struct Function {
     pub lines: usize,
 }
 
-/// The functions of a source, those within others too.
+/// The functions of a source, including nested ones.
 pub fn functions(code: &str) -> Vec<Function> {
     let tokens = tokens(code);
     let mut found = Vec::new();
@@ -130,7 +130,7 @@ pub fn functions(code: &str) -> Vec<Function> {
         if pair[0].text != "fn" || !named {
             continue;
         }
-        // A body, or a semicolon behind a signature: arrays in one have brackets round theirs.
+        // A body, or a semicolon after a signature: arrays in a signature are in brackets.
         let mut depth = 0;
         let body = tokens[at..].iter().position(|token| {
             match token.text.as_str() {
@@ -153,7 +153,7 @@ pub fn functions(code: &str) -> Vec<Function> {
     found
 }
 
-/// The brace that closes the one at `open`; the last token where none does.
+/// The brace that closes the one at `open`; the last token if there is none.
 pub fn closing(tokens: &[Token], open: usize) -> usize {
     let mut depth = 0;
     for (at, token) in tokens.iter().enumerate().skip(open) {

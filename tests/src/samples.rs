@@ -1,4 +1,4 @@
-//! What is on a tape.
+//! The content of a tape.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,7 +8,7 @@ use tape::{Reader, Records, Source};
 /// The samples of each stream of a run by their stamps.
 ///
 /// # Panics
-/// When there is no tape, or when it is not what was sealed.
+/// When there is no tape, or when it differs from what was sealed.
 pub fn samples(run: &Path) -> BTreeMap<String, BTreeMap<u64, Vec<u8>>> {
     let tape = Reader::open(run).expect("there is a tape");
     tape.verify().expect("it is what was sealed");

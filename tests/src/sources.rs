@@ -1,4 +1,4 @@
-//! The lines of the sources, for rules about what must not be said where.
+//! The lines of the sources, for rules about what certain files must not contain.
 
 use std::path::{Path, PathBuf};
 
@@ -11,15 +11,15 @@ pub struct Line {
     pub path: String,
     /// From 1 on.
     pub number: usize,
-    /// Everything.
+    /// The whole line.
     pub whole: String,
-    /// Without what stands behind `//`.
+    /// The line without its `//` comment.
     pub code: String,
-    /// Part of what `#[cfg(test)]` is about.
+    /// Its position relative to `#[cfg(test)]`.
     pub test: bool,
 }
 
-/// Where a line stands.
+/// The position of a line.
 #[derive(Clone, Copy, PartialEq)]
 enum Part {
     Shipped,
@@ -27,11 +27,11 @@ enum Part {
     Marked,
     /// In a module or function of tests.
     Test,
-    /// The one line, or the last line, that belongs to the tests.
+    /// The only line, or the last line, that belongs to the tests.
     Single,
 }
 
-/// The files with the given ending below `folder`, build products left out.
+/// The files with the given extension below `folder`, without build products.
 pub fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_owned()];
@@ -71,7 +71,7 @@ pub fn lines(path: &Path) -> Vec<Line> {
             other => other,
         };
         let test = part != Part::Shipped;
-        // Two slashes behind a colon are an address, not a comment.
+        // Two slashes after a colon are part of an address, not a comment.
         let comment = whole.match_indices("//").find(|&(at, _)| !whole[..at].ends_with(':'));
         Line {
             path: shown.clone(),
@@ -97,10 +97,10 @@ pub fn sources() -> Vec<PathBuf> {
     files(&root(), ".rs")
 }
 
-/// Fails with file and line of everything found.
+/// Fails with the file and line of every finding.
 ///
 /// # Panics
-/// When there is something.
+/// When there is a finding.
 pub fn none(rule: &str, found: impl IntoIterator<Item = (Line, String)>) {
     let found: Vec<String> = found
         .into_iter()
@@ -109,7 +109,7 @@ pub fn none(rule: &str, found: impl IntoIterator<Item = (Line, String)>) {
     assert!(found.is_empty(), "{rule}\n{}", found.join("\n"));
 }
 
-/// The words in `words` that occur in `text` as words of their own, capital letters or not.
+/// The words of `words` that occur in `text` as whole words, in any case.
 pub fn says<'a>(text: &str, words: &[&'a str]) -> Option<&'a str> {
     let lower = text.to_lowercase();
     let parts: Vec<&str> = lower.split(|c: char| !c.is_ascii_alphanumeric()).collect();

@@ -1,4 +1,4 @@
-//! The packages of the workspace, and what may link what.
+//! The packages of the workspace, and their permitted dependencies.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -6,8 +6,8 @@ use std::sync::OnceLock;
 
 use crate::program::root;
 
-/// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
-/// link anything and is linked by nobody.
+/// The workspace packages that each library and each program may link. A package that is not listed (programs at the top, tests, examples,
+/// benches) may link anything, and no package may link it.
 pub const ARROWS: [(&str, &[&str]); 25] = [
     ("allocation", &[]),
     ("lockstep", &[]),
@@ -89,9 +89,9 @@ pub const ARROWS: [(&str, &[&str]); 25] = [
 pub struct Package {
     /// Its name.
     pub name: String,
-    /// Where its manifest lies.
+    /// The path of its manifest.
     pub folder: PathBuf,
-    /// What it is linked with, tests and benches left out.
+    /// Its dependencies, without those of tests and benches.
     pub dependencies: Vec<String>,
     /// The root file of each of its targets.
     pub targets: Vec<PathBuf>,
@@ -100,7 +100,7 @@ pub struct Package {
 /// The packages of the workspace.
 ///
 /// # Panics
-/// When cargo cannot be asked.
+/// When `cargo` cannot be run.
 pub fn packages() -> &'static [Package] {
     static READ: OnceLock<Vec<Package>> = OnceLock::new();
     READ.get_or_init(|| {

@@ -1,11 +1,11 @@
-//! The smallest scenario with a loop in it: an oscillator and its damper, each a program of its own.
+//! The smallest scenario with a loop in it: an oscillator and its damper, each a separate program.
 
 use std::path::{Path, PathBuf};
 
 use crate::machine::processes_of;
 use crate::program::{Folder, Said, orchestrate, participant, root, text};
 
-/// Writes the scenario with `damper` in the damper's place.
+/// Writes the scenario with `damper` as the damper's program.
 pub fn oscillator(folder: &Folder, damper: &str) -> PathBuf {
     let text = format!(
         r#"title = "A damped oscillator"
@@ -33,7 +33,7 @@ to = "plant.push"
     folder.write("oscillator.toml", &text)
 }
 
-/// Whether the tape in `run` is a prefix of the one in `undisturbed`: how many samples its shortest stream has.
+/// Checks that the tape in `run` is a prefix of the one in `undisturbed`; returns the number of samples of its shortest stream.
 ///
 /// # Panics
 /// When it is not.
@@ -46,7 +46,7 @@ pub fn prefix(undisturbed: &Path, run: &Path) -> u64 {
             "{stream} is not a prefix in {}",
             run.display()
         );
-        // What a killed orchestrator was writing may end in the middle of a sample; readers leave that out.
+        // The last sample written by a killed orchestrator may be incomplete; readers leave it out.
         part.len() as u64 / 24
     });
     lengths[0].min(lengths[1])
@@ -54,14 +54,14 @@ pub fn prefix(undisturbed: &Path, run: &Path) -> u64 {
 
 /// A folder with a scenario and an undisturbed run of it.
 pub struct World {
-    /// Everything of the test.
+    /// All files of the test.
     pub folder: Folder,
     /// The scenario of the run.
     pub scenario: PathBuf,
 }
 
 impl World {
-    /// An undisturbed run, and the scenario with `damper` in the damper's place.
+    /// An undisturbed run, and the scenario with `damper` as the damper's program.
     pub fn new(name: &str, damper: &str) -> World {
         let folder = Folder::new(name);
         let healthy = oscillator(&folder, "damper");
@@ -72,12 +72,12 @@ impl World {
         World { folder, scenario }
     }
 
-    /// A file or folder in it.
+    /// A file or folder in the world.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// Runs the scenario, and sees that no process is left.
+    /// Runs the scenario, and checks that no process is left.
     pub fn run(&self, name: &str, more: &[&str]) -> Said {
         let out = self.path(name);
         let mut arguments = vec!["run", text(&self.scenario), "--out", text(&out)];
@@ -99,18 +99,18 @@ impl World {
         orchestrate(&arguments)
     }
 
-    /// The run `name` has the tape of the undisturbed one.
+    /// Checks that the run `name` has the tape of the undisturbed one.
     pub fn same_as_undisturbed(&self, name: &str) {
         let said = orchestrate(&["compare", text(&self.path("undisturbed")), text(&self.path(name))]);
         assert_eq!(said.code, Some(0), "{said:?}");
     }
 
-    /// The tape of `name` is a prefix of the undisturbed one: how many samples its shortest stream has.
+    /// Checks that the tape of `name` is a prefix of the undisturbed one; returns the number of samples of its shortest stream.
     pub fn prefix(&self, name: &str) -> u64 {
         prefix(&self.path("undisturbed"), &self.path(name))
     }
 
-    /// What the tape of `name` says of events.
+    /// The events on the tape of `name`.
     pub fn events(&self, name: &str) -> String {
         std::fs::read_to_string(self.path(name).join("tape/events.jsonl")).expect("a tape has events")
     }
@@ -122,7 +122,7 @@ impl World {
         u64::from_le_bytes(record[16..].try_into().expect("eight bytes"))
     }
 
-    /// A world whose scenario has `more` at its end.
+    /// A world whose scenario has `more` appended.
     pub fn with(name: &str, damper: &str, more: &str) -> World {
         let world = World::new(name, damper);
         let scenario = std::fs::read_to_string(&world.scenario).expect("it was just written") + more;
@@ -140,7 +140,7 @@ pub fn substitution(at: &str, program: &str, state: &str) -> String {
     )
 }
 
-/// The project's own two masses, in one program, with a measure and a fault; gives the file's name.
+/// Writes the scenario of two masses from the project's template, in one program, with a measure and a fault; returns the file's name.
 pub fn springs(folder: &Folder) -> String {
     let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
     let scenario = scenario

@@ -1,4 +1,4 @@
-//! FMUs that misbehave, and files that are none: each is named with what is wrong, and leaves nothing behind.
+//! FMUs that misbehave, and files that are not FMUs: the run names each with its fault, and leaves nothing behind.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use escapement_tests::fmus::{Recipe, archive, unpacked};
 use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, text};
 
-/// A run of the FMU `file` alone, with a folder of its own for temporary files, which is empty afterwards.
+/// A run of the FMU `file` alone, with a separate folder for temporary files, which is empty afterwards.
 fn run(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
     let scenario = folder.write(
         "bad.toml",

@@ -1,4 +1,4 @@
-//! `bench`, where one of its processes dies.
+//! `bench`, when one of its processes dies.
 
 use std::fs;
 use std::time::{Duration, Instant};

@@ -1,4 +1,4 @@
-//! The tape is the same to the last bit, whatever the processes, the cores, the load and the way of waiting.
+//! The tape is bit-identical, independently of the processes, the cores, the load and the way of waiting.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -34,7 +34,7 @@ fn variants(scenario: &Path, folder: &Folder, common: &[&str], also_in_process: 
     for (name, arguments) in variants {
         assert_eq!(digest(scenario, &out(name), &arguments), first, "{name}");
     }
-    // There is no core for each of those who would spin: the run says so, and waits as it can.
+    // There is no core for each participant that would spin: the run reports this, and waits in another way.
     let one = on_one_core(scenario, &out("one"), &with(common, &["--wait", "spin"]));
     assert_eq!(one.json()["tape_digest"], first.as_str(), "one core");
     assert!(one.err.contains("--wait spin needs a core for each"), "{one:?}");
@@ -61,7 +61,7 @@ fn on_one_core(scenario: &Path, out: &Path, common: &[&str]) -> Said {
     finish(command.spawn().expect("taskset is there"))
 }
 
-/// Something that wants every core.
+/// A load on every core.
 fn burn() -> Vec<std::process::Child> {
     let spin = || {
         Command::new("sh")

@@ -1,4 +1,4 @@
-//! Bundles: a campaign with everything that it needs runs elsewhere, and gives the same table.
+//! Bundles: a campaign with everything that it needs runs on another machine, and yields the same table.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -23,13 +23,13 @@ fn same(a: &Path, b: &Path) {
     }
 }
 
-/// A campaign of a scenario with files beside it and above it, and one of a scenario whose programs lie elsewhere.
+/// A campaign of a scenario with files in its folder and above it, and one of a scenario whose programs are elsewhere.
 #[test]
 fn bundle_that_is_moved_gives_the_same_table() {
     built_as_shipped();
     let folder = Folder::new("bundle");
     let out = |name: &str| folder.path().join(name);
-    // The second needs other settings and is refused, with a reason that does not say where the scenario lies.
+    // The second scenario needs other settings and is rejected, with a reason that does not depend on where the scenario is.
     let gains = "participants.controller.parameters.gains={ file = \"../gains/pi-diagonal.toml\" },{ file = \"../gains/p-diagonal.toml\" }";
     let close = ["scenarios/close.toml", "--duration", "300 ms", "--vary", gains];
     let spring = [
@@ -44,7 +44,7 @@ fn bundle_that_is_moved_gives_the_same_table() {
         let bundle = out(&format!("{name}-bundle"));
         let said = orchestrate(&[&["sweep"], campaign, &["--bundle", text(&bundle)]].concat());
         assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
-        // Somewhere else, by the program that is in it.
+        // In another place, by the program in the bundle.
         let elsewhere = out(&format!("{name}-elsewhere/deep"));
         std::fs::create_dir_all(elsewhere.parent().unwrap()).unwrap();
         std::fs::rename(&bundle, &elsewhere).unwrap();
@@ -77,7 +77,7 @@ fn bundle_that_is_moved_gives_the_same_table() {
         ]);
         assert_eq!(said.code, code, "{said:?}");
         same(&whole, &one);
-        // The program outside is the one inside, and a shard of the scenario itself is a shard of the bundle.
+        // The program outside is the same as the one inside, and a shard of the scenario itself is a shard of the bundle.
         let direct = out(&format!("{name}-direct"));
         let said = orchestrate(
             &[
@@ -119,7 +119,7 @@ fn bundle_brings_in_what_lies_outside_and_says_what_it_lacks() {
     let include = ["--bundle", text(&bundle), "--include", text(&python)];
     let said = orchestrate(&[&["sweep"], &campaign[..], &include].concat());
     assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
-    // No path of it leads out, and what was asked for is in it.
+    // No path of the bundle leads out of it, and it contains what was requested.
     let text_of = std::fs::read_to_string(bundle.join("campaign.json")).unwrap();
     assert!(text_of.contains("outside/1/"), "{text_of}");
     assert!(!text_of.contains(&format!("\"{}", root().display())), "{text_of}");
@@ -132,7 +132,7 @@ fn bundle_brings_in_what_lies_outside_and_says_what_it_lacks() {
     assert_eq!(said.code, Some(0), "{said:?}");
     same(&out("one"), &out("two"));
 
-    // Programs of the machine stay where they are, and that is said.
+    // Programs of the machine are not bundled, and the command reports this.
     let scenario = escapement_tests::world::oscillator(&folder, "damper");
     let second = out("second");
     let arguments = [
@@ -148,7 +148,7 @@ fn bundle_brings_in_what_lies_outside_and_says_what_it_lacks() {
     assert_eq!(said.err.matches("warning: participants.").count(), 2, "{said:?}");
     assert!(said.err.contains("every machine must have the same one"), "{said:?}");
 
-    // A bundle that was changed is no longer what it says.
+    // A changed bundle no longer matches its description.
     std::fs::write(
         bundle.join("tree/in/here/own.toml"),
         stock.replacen("title = \"", "title = \"Not the ", 1),
@@ -158,7 +158,7 @@ fn bundle_brings_in_what_lies_outside_and_says_what_it_lacks() {
     let said = call(&bundle.join("bin/escapement"), folder.path(), &arguments);
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(said.err.contains("is not what the campaign was made of"), "{said:?}");
-    // A folder with something else in it is left alone.
+    // A folder with other content is left unchanged.
     let said = orchestrate(&[&["sweep"], &campaign[..], &["--bundle", text(&root().join("docs"))]].concat());
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(said.err.contains("no bundle"), "{said:?}");
@@ -193,7 +193,7 @@ fn shell_gets_a_line_for_each_shard_that_is_missing() {
     let status = orchestrate(&["sweep", "status", text(&whole)]);
     assert_eq!(status.code, Some(1), "{status:?}");
     assert!(status.out.contains("shard 1/3  not started"), "{status:?}");
-    // What is complete is not given again.
+    // A complete shard is not run again.
     let said = on(&["--audit", "20%"]);
     assert_eq!(
         said.out.lines().collect::<Vec<_>>(),
@@ -210,7 +210,7 @@ fn shell_gets_a_line_for_each_shard_that_is_missing() {
     assert_eq!(orchestrate(&["sweep", "status", text(&whole)]).code, Some(0));
     let said = on(&["--shards", "4"]);
     assert!(said.err.contains("has 3 shards on shell"), "{said:?}");
-    // Engines that are not there.
+    // Engines that do not exist.
     let nowhere = |engine: &str| {
         let child = Command::new(orchestrator())
             .args([&campaign[..], &[text(&out("no")), "--on", engine]].concat())
@@ -236,7 +236,7 @@ fn shell_gets_a_line_for_each_shard_that_is_missing() {
 
 #[test]
 fn an_engine_gets_points_until_enough_is_known() {
-    // The second has a program of its own.
+    // The second system has a separate program.
     for (program, scenario) in [
         (orchestrator().to_owned(), "examples/spring/spring.toml"),
         (built().join("lander"), "examples/lander/lander.toml"),

@@ -1,4 +1,4 @@
-//! Campaigns: figures that are those of single runs, tables that depend on nothing but the points, and points that go wrong alone.
+//! Campaigns: figures equal to those of single runs, tables that depend only on the points, and points that fail alone.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -24,7 +24,7 @@ fn files(folder: &Path) -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Waits until `there`, looking every few milliseconds; gives up after two minutes.
+/// Waits until `there`, polling every few milliseconds; fails after two minutes.
 fn until(mut there: impl FnMut() -> bool) {
     let started = Instant::now();
     while !there() {
@@ -64,11 +64,11 @@ fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
                     None => single.get(name).unwrap_or(&single["measures"][name]["value"]),
                     Some((list, at)) => &single[list][at.trim_end_matches(']').parse::<usize>().unwrap()],
                 };
-                // whether the gripper has closed counts as 0 or 1
+                // whether the gripper has closed is recorded as 0 or 1
                 let own = own
                     .as_bool()
                     .map_or(own.clone(), |yes| Value::from(f64::from(u8::from(yes))));
-                // as numbers, and so to the last bit
+                // compared as numbers, and so bit-exactly
                 assert_eq!(value.as_f64(), own.as_f64(), "{name}");
             }
         }
@@ -103,7 +103,7 @@ fn the_table_does_not_depend_on_the_number_of_workers_or_on_interruptions() {
 
     // interrupted after its first result, and once more killed outright
     let stopped = out("stopped");
-    let alone = ["--workers", "1", "--lanes", "1"]; // side by side they would all end at once
+    let alone = ["--workers", "1", "--lanes", "1"]; // in parallel they would all end at once
     let arguments = [&["sweep", CLOSE, "--out", text(&stopped)], &alone[..], &vary[..]].concat();
     let lines = || {
         let journal = std::fs::read(stopped.join("results.jsonl")).unwrap_or_default();
@@ -363,7 +363,7 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
     assert_eq!(said.code, Some(0), "{said:?}");
     let json = said.json();
     assert_eq!(json["rows"][0]["outcome"], "met");
-    // the table has what each case set, by key
+    // the table has the settings of each case, by key
     let values = |row: usize, key: &str| json["rows"][row]["values"][key].as_str().unwrap_or_default().to_owned();
     assert_eq!(values(2, "connections.measured.delay"), "200 ms");
     assert_eq!(values(1, "participants.controller.parameters.model.mass_factor"), "2.0");
@@ -465,12 +465,12 @@ set = {{ "guards.weak" = {{ output = "damper.push", field = "force", range = "[-
         ["complete", "complete", "complete", "complete", "failed", "failed"],
         "{points:?}"
     );
-    // What a case does is what the run with the same faults does: the first differs from the healthy one, a substitute that
-    // keeps the state does not, and both together are the first again.
+    // A case has the effect of a run with the same faults: the first differs from the healthy run, a substitute that keeps the state does
+    // not, and both together equal the first.
     let digests = column("tape_digest");
     assert_ne!(digests[1], digests[0]);
     assert_eq!(digests[2], digests[0]);
-    // The tape of a disturbed run has the stream of what was seen, whoever sits there.
+    // The tape of a disturbed run has the stream of the samples seen, whichever program runs.
     assert_eq!(digests[3], digests[1]);
     let reasons = column("reason");
     assert!(reasons[4].contains("signal 6 (abort) at t = 2 s"), "{reasons:?}");

@@ -1,4 +1,4 @@
-//! `check` and `graph` say what a run would say, or that they do not know.
+//! `check` and `graph` predict the result of a run, or report that they cannot.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use escapement_tests::machine::leftovers;
 use escapement_tests::program::{Folder, orchestrate, orchestrator, participant, text};
 use escapement_tests::world::{World, oscillator, substitution};
 
-/// Two sampled programs in a ring: `z` first by need, `a` first by name.
+/// Two sampled programs in a ring: `z` must be executed first, `a` is first by name.
 fn ring(folder: &Folder, delay: &str) -> PathBuf {
     let run = format!(
         "run = {{ exe = \"{}\", args = [\"participant\", \"bench-sampled\"] }}\nperiod = \"10 ms\"\n",
@@ -94,7 +94,7 @@ fn programs_that_are_asked_stand_in_the_order_of_the_run() {
         said.out.contains("a<br/>every 10 ms, order 2") && said.out.contains("z<br/>every 10 ms, order 1"),
         "{said:?}"
     );
-    // A program whose ports do not fit, and one whose parameters are refused, are told without a run too.
+    // A program whose ports do not fit, and one whose parameters are rejected, are reported without a run too.
     let folder = Folder::new("misfit");
     let said = orchestrate(&["check", text(&oscillator(&folder, "wrong_descriptor"))]);
     assert_eq!(said.code, Some(2), "{said:?}");
@@ -103,7 +103,7 @@ fn programs_that_are_asked_stand_in_the_order_of_the_run() {
 
 #[test]
 fn program_that_dies_when_asked_is_a_failure_not_a_mistake() {
-    // The one of a participant, of a substitute at a given time, and of one after a failure.
+    // The program of a participant, of a substitute at a given time, and of a substitute after a failure.
     let died = ["exited with status 7", "the licence server does not answer"];
     let world = World::new("asked", "early_exit");
     let later = World::with("later", "damper", &substitution("2 s", "early_exit", "cold"));

@@ -1,5 +1,5 @@
-//! Whoever reads what the program says may leave at any time (`| head -1`): no panic, the work goes on, and the exit code is the
-//! command's own.
+//! The reader of a program's output may close the pipe at any time (`| head -1`): no panic, the work continues, and the exit code is that
+//! of the command.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use escapement_tests::machine;
 use escapement_tests::program::{Folder, orchestrate, orchestrator, root};
 
-/// Starts a command with both of its outputs connected to pipes that nobody reads any more.
+/// Starts a command with both of its outputs connected to pipes without a reader.
 fn unheard(arguments: &[&str]) -> Child {
     let (out_reader, out) = std::io::pipe().unwrap();
     let (err_reader, err) = std::io::pipe().unwrap();
@@ -96,7 +96,7 @@ fn a_run_whose_reader_leaves_in_mid_run_is_complete() {
         line.clear();
         assert!(said.read_line(&mut line).unwrap() > 0, "it ended before its stop");
     }
-    // At rest in the middle of the run: nobody reads any more, and the run is told to go on.
+    // Paused in the middle of the run: the pipes have no reader any more, and the run is then resumed.
     drop((said, child.stdout.take()));
     std::io::Write::write_all(child.stdin.as_mut().unwrap(), b"\n").unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(3));

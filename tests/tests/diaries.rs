@@ -1,4 +1,4 @@
-//! What participants say, and how they are told that their part is over: the same lines from every language and in every way of running.
+//! Logs of participants, and the call of `terminate`: the same lines from every language and in every way of running.
 
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -15,12 +15,13 @@ use escapement_tests::program::{Folder, orchestrate, participant, text};
 const SCENARIO: &str = "duration = \"50 ms\"\n[participants.first]\nrun = { builtin = \"diary\" }\nperiod = \"10 ms\"\n\
                         [participants.second]\nrun = { builtin = \"diary\" }\nperiod = \"20 ms\"\n";
 
-/// What the first one says when `end` is the last line.
+/// The log of the first diary when `end` is the last line.
 fn says(end: &str) -> String {
     format!("first at t = 0 s: begins\nfirst at t = 0.02 s: is at page 3\n{end}")
 }
 
-/// The diaries that are no builtins: a program in each language, and a plug-in of those that have one; `participants.NAME.run` of each.
+/// The diaries that are not builtins: a program in each language, and a plug-in where the language has one; `participants.NAME.run` of
+/// each.
 fn everywhere() -> &'static [(String, bool)] {
     static ALL: OnceLock<Vec<(String, bool)>> = OnceLock::new();
     ALL.get_or_init(|| {
@@ -35,7 +36,7 @@ fn everywhere() -> &'static [(String, bool)] {
     })
 }
 
-/// Runs the scenario with `run` in both seats and gives what the first one has written, in processes or, where that can be, in one.
+/// Runs the scenario with `run` in both slots and returns the log of the first one, in processes and, where possible, in one.
 fn written(folder: &Folder, run: &str, inside: bool, more: &[&str], code: i32) -> String {
     let scenario = folder.write("diaries.toml", SCENARIO);
     let out = folder.path().join("out");
@@ -61,7 +62,7 @@ fn written(folder: &Folder, run: &str, inside: bool, more: &[&str], code: i32) -
 
 fn log(out: &Path, name: &str) -> String {
     let whole = std::fs::read_to_string(out.join("log").join(format!("{name}.stderr"))).unwrap_or_default();
-    // Behind them, the host of a process says why it failed.
+    // After these lines, the host of a process reports why it failed.
     whole
         .lines()
         .filter(|line| line.starts_with(&format!("{} at t = ", name.trim_end_matches(".1"))))
@@ -80,10 +81,10 @@ fn every_language_says_the_same_in_processes_and_in_one() {
                 says(end),
                 "{run}, inside: {inside}"
             );
-            // Another one fails before.
+            // Another participant fails earlier.
             let fails = ["--set", "participants.second.parameters.fails-at=1"];
             let stopped = written(&folder, run, inside, &fails, 1);
-            // In a process of its own the first one may not have begun by then: such a one is told nothing.
+            // In a separate process the first one may not have started by then; it is then not called.
             let count = |word: &str| stopped.matches(word).count();
             assert_eq!(count("begins"), count("ends, "), "{run}, inside: {inside}: {stopped}");
             assert!(
@@ -116,7 +117,7 @@ fn one_that_is_replaced_is_told_so() {
             assert_eq!(said.code, Some(0), "{run}: {said:?}");
             let replaced = says("first at t = 0.03 s: ends, replaced, at page 3\n");
             let newcomer = "first at t = 0.03 s: begins\nfirst at t = 0.05 s: ends, finished, at page 5\n";
-            // In a process each, the newcomer has a log of its own.
+            // In separate processes, the replacement has its own log.
             let logs = if inside {
                 vec![log(&out, "first")]
             } else {

@@ -1,4 +1,4 @@
-//! Campaign files as their user runs them: one table whatever happens, draws that cannot be, and the page.
+//! Campaign files from the user's point of view: one table whatever happens, rejected distributions, and the page.
 
 use std::process::Command;
 
@@ -73,7 +73,7 @@ fn table_depends_on_the_campaign_file_alone() {
     run("three", &["--workers", "3", "--quiet"]);
     assert_eq!(table(&folder, "one"), table(&folder, "three"));
 
-    // killed on the way, and taken up again
+    // killed during the campaign, and continued
     let stopped = out("stopped");
     let child = start(&[
         "sweep",

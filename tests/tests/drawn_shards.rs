@@ -1,4 +1,4 @@
-//! Campaign files in shards, in bundles, point by point and growing: what is drawn is the same wherever and whenever it is run.
+//! Campaign files in shards, in bundles, point by point and extended: the random samples are the same wherever and whenever a point is run.
 
 use std::path::{Path, PathBuf};
 use std::process::Child;
@@ -42,7 +42,7 @@ distribution = "formula"
 formula = "1 / part"
 "#;
 
-/// Writes that campaign with everything that belongs to it; gives its file.
+/// Writes that campaign with all its files; returns the campaign file.
 fn drawn(folder: &Folder, campaign: &str) -> PathBuf {
     springs(folder);
     for name in ["campaigns", "values"] {
@@ -52,7 +52,7 @@ fn drawn(folder: &Folder, campaign: &str) -> PathBuf {
     folder.write("campaigns/drawn.toml", campaign)
 }
 
-/// Table, page, pictures where there is something to draw, and the journal in the order of its points.
+/// Table, page, pictures if there is something to draw, and the journal in the order of its points.
 fn files(folder: &Path) -> Vec<Vec<u8>> {
     let read = |name: &str| std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
     let mut files = ["table.csv", "table.parquet", "report.html"].map(read).to_vec();
@@ -104,7 +104,7 @@ fn drawn_shards_are_what_one_machine_makes() {
             let child = sweep(&name, &["--shard", shard, "--audit", "30%"]);
             if *shard == "2/3" {
                 kill_on_the_way(child, place);
-                // What is missing is run with nothing but the folder to say what it is.
+                // The missing points are run with only the folder as input.
                 let said = orchestrate(&["sweep", "run", text(place), "--quiet"]);
                 assert!(matches!(said.code, Some(0 | 1)), "{said:?}");
             } else {
@@ -118,7 +118,7 @@ fn drawn_shards_are_what_one_machine_makes() {
         let said = orchestrate(&merge);
         assert_eq!(said.code, Some(code), "{said:?}");
         same(&whole, &out("one"));
-        // It is the campaign of the file: nothing of it is run again.
+        // The folder contains the campaign of the file: none of it is run again.
         let said = finish(sweep("whole", &["--digest"]));
         assert_eq!(said.code, Some(code), "{said:?}");
         same(&whole, &out("one"));
@@ -170,7 +170,7 @@ fn bundle_has_the_campaign_file_and_its_values() {
     let said = call(&program, &merge);
     assert_eq!(said.code, Some(1), "{said:?}");
     same(&out("whole"), &out("one"));
-    // The file in the bundle makes the same points, and more of them.
+    // The file in the bundle defines the same points, and more of them.
     let inside = out("moved/tree/campaigns/drawn.toml");
     let place = out("whole");
     let arguments = [
@@ -208,7 +208,7 @@ fn drawn_campaign_grows_where_its_draws_stay() {
         sweep(&file, &grown, &["--points", "6"]);
         let before = lines(&grown);
         assert_eq!(before.lines().count(), 6 * runs);
-        // As the file says.
+        // As stated in the file.
         sweep(&file, &grown, &[]);
         let after = lines(&grown);
         assert_eq!(after.lines().count(), 16 * runs, "nothing was run twice");
@@ -290,7 +290,7 @@ fn drawn_point_runs_alone_is_kept_and_counts_until_enough_is_known() {
         text(&run),
     ]);
     assert_eq!(said.json()["tape_digest"], there(false)["tape_digest"], "{said:?}");
-    // What cannot be drawn is no run, and least of all that of the scenario as it stands.
+    // A sample that cannot be drawn is not run, and in particular not replaced by the nominal scenario.
     let said = orchestrate(&["run", "--point", &point(there(true)), "--out", text(&out("no"))]);
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(

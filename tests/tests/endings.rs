@@ -1,5 +1,5 @@
-//! However a run ends: the right exit code, a message that names the culprit, no process, nothing in shared memory, and a tape
-//! that is a prefix of the undisturbed one.
+//! All ways in which a run may end: the right exit code, a message that names the culprit, no process, nothing in shared memory, and a
+//! tape that is a prefix of the undisturbed one.
 
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use escapement_tests::machine::{leftovers, orphans, processes_of, signal, wait_f
 use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, start, text};
 use escapement_tests::world::oscillator;
 
-/// Runs the oscillator with `damper` and looks at what is left.
+/// Runs the oscillator with `damper` and checks what is left behind.
 fn ended(damper: &str, more: &[&str]) -> (Folder, Said) {
     let folder = Folder::new(damper);
     let scenario = oscillator(&folder, damper);
@@ -25,7 +25,7 @@ fn clean(folder: &Folder) {
     assert_eq!(orphans(), Vec::<String>::new(), "shared memory is left");
 }
 
-/// The tape in `folder` begins as the undisturbed one does.
+/// Checks that the tape in `folder` is a prefix of the undisturbed one.
 fn is_prefix(folder: &Folder) -> u64 {
     let undisturbed = Folder::new("undisturbed");
     let scenario = oscillator(&undisturbed, "damper");
@@ -136,7 +136,7 @@ fn who_ignores_the_end_is_ended() {
     let scenario = oscillator(&folder, "ignores_terminate");
     let out = folder.path().join("run");
     let mut child = start(&["run", text(&scenario), "--out", text(&out)]);
-    // The plant can go no further without what the damper owes it.
+    // The plant cannot continue without the outstanding sample of the damper.
     wait_for_bytes(&mut child, &out.join("tape/plant.motion.bin"), 24 * 501);
     signal(child.id(), rustix::process::Signal::TERM);
     let said = finish(child);
@@ -151,7 +151,7 @@ fn a_slow_participant_is_not_thrown_out() {
     let (folder, said) = ended("slow", &["--duration", "2 s", "--patience", "1 s", "--json"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     assert_eq!(is_prefix(&folder), 200);
-    // What it did itself, 3 ms at least in each step, is not told as waiting for others.
+    // The damper's own CPU time, at least 3 ms in each step, is not reported as waiting for others.
     let timing = &said.json()["timing"]["damper"];
     let waits = timing["inputs_ns"].as_object().expect("waits by input").values();
     let waited: u64 = waits.map(|wait| wait.as_u64().expect("a number")).sum();
@@ -240,7 +240,7 @@ fn disturbed(name: &str) -> (Folder, std::process::Child) {
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");
     let mut child = start(&["run", text(&scenario), "--out", text(&out), "--real-time=2"]);
-    // Under way: both have said something.
+    // In progress: both participants have logged a line.
     for stream in ["plant.motion.bin", "damper.push.bin"] {
         wait_for_bytes(&mut child, &out.join("tape").join(stream), 24 * 20);
     }
@@ -284,8 +284,8 @@ fn a_second_interrupt_ends_a_run_at_once_and_leaves_nothing_for_good() {
         "1 h",
     ]);
     wait_for_bytes(&mut child, &out.join("tape/plant.motion.bin"), 24);
-    // An end in order takes two seconds for the one that ignores it: the second signal comes in between. Two of a kind might be
-    // taken for one.
+    // An orderly end takes two seconds for the participant that ignores it: the second signal arrives in between. Two signals of one kind
+    // might be merged into one.
     signal(child.id(), rustix::process::Signal::INT);
     signal(child.id(), rustix::process::Signal::TERM);
     let said = finish(child);
@@ -339,7 +339,7 @@ fn a_killed_orchestrator_takes_its_children_along_and_leaves_nothing_for_good() 
     assert_eq!(leftovers(), Vec::<String>::new());
 }
 
-/// Whether the process exists and is not only waiting to be reaped by its new parent.
+/// Whether the process exists and is not a zombie that waits for its new parent.
 fn alive(pid: u32) -> bool {
     std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| {
         !stat
@@ -369,8 +369,8 @@ fn two_runs_side_by_side_never_meet() {
     clean(&folder);
 }
 
-/// Runs the oscillator under a limit of the shell's. `-f KIB` limits the size of its files, shared memory included: as good as a full
-/// disk, and needs no rights.
+/// Runs the oscillator under a limit of the shell. `-f KIB` limits the size of its files, including shared memory: equivalent to a full
+/// disk, and needs no privileges.
 fn limited(limit: &str, duration: &str) -> (Folder, Said) {
     let folder = Folder::new("limited");
     let scenario = oscillator(&folder, "damper");
@@ -405,7 +405,7 @@ fn a_full_disk_ends_the_run_and_names_the_file() {
 
 #[test]
 fn memory_that_a_limit_forbids_is_named_before_the_start() {
-    // 400 KiB are less than the largest object in shared memory.
+    // 400 KiB is less than the largest object in shared memory.
     let (folder, said) = limited("-f 400", "10 s");
     assert_eq!(said.code, Some(1), "{said:?}");
     for part in [
@@ -447,7 +447,7 @@ fn a_file_that_gets_too_large_is_named_by_export_and_report() {
 
 #[test]
 fn as_many_files_are_opened_as_the_system_grants() {
-    // The soft limit is for programs that take it as a reason to stop; the hard one stays as it is.
+    // The soft limit is for programs that react to it by stopping; the hard limit stays unchanged.
     let (folder, said) = limited("-S -n 48", "1 s");
     assert_eq!(said.code, Some(0), "{said:?}");
     assert_eq!(is_prefix(&folder), 100);

@@ -1,4 +1,4 @@
-//! What the README tells a reader to type works.
+//! The commands that the README shows work.
 
 use escapement_tests::program::{Folder, built_as_shipped, orchestrate};
 

@@ -1,4 +1,4 @@
-//! Faults by name: the same bits however a run is executed, what the participant saw on the tape, events, refusals.
+//! Named faults: the same bits however a run is executed, the samples seen by the participant on the tape, events, rejections.
 
 use std::path::Path;
 
@@ -117,7 +117,7 @@ fn the_tape_has_what_was_given_and_what_was_seen() {
         };
         assert_eq!(saw, truth + bias, "activation {k}");
     }
-    // Other elements, and other readers, see what was given.
+    // Other elements, and other readers, see the original output.
     let others = values(&run, "controller.seen.measured", "q", 2);
     let given = values(&run, "plant.measured", "q", 2);
     assert!(others.iter().enumerate().all(|(k, &(_, saw))| saw == given[10 * k].1));
@@ -143,7 +143,7 @@ fn a_faulty_participant_is_replayed_with_what_it_saw() {
     }
 }
 
-/// What a NaN does that a fault makes: the participant sees it, and what comes of it is told with the fault's name.
+/// The effect of a NaN injected by a fault: the participant sees it, and its consequences are reported with the fault's name.
 #[test]
 fn a_flipped_exponent_reaches_the_participant_and_is_named_when_that_fails() {
     let folder = Folder::new("flip");
@@ -173,7 +173,7 @@ fn a_flipped_exponent_reaches_the_participant_and_is_named_when_that_fails() {
     ] {
         assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
     }
-    // Up to there the tape is whole.
+    // Up to this instant the tape is complete.
     assert_eq!(values(&run, "damper.push", "force", 0).len(), 500);
 }
 
@@ -183,7 +183,7 @@ fn a_late_link_reads_older_samples_and_then_the_newest() {
     let scenario = oscillator(&folder, "damper");
     let run = folder.path().join("run");
     let late = "at=1s,until=1.1s,connection=motion,extra-delay=35ms";
-    // A bias of nothing records what the damper sees.
+    // A bias of zero records what the damper sees.
     let look = "at=0s,input=damper.motion,field=position,kind=bias,value=0 m";
     let said = orchestrate(&[
         "run",
@@ -218,7 +218,7 @@ fn refused(fault: &str, parts: &[&str]) {
     }
 }
 
-/// Faults that cannot be, with parts of the refusal.
+/// Invalid faults, with parts of the error message.
 const REFUSED: [(&str, &[&str]); 33] = [
     ("at=1s", &["faults.fault-1", "exactly one of `input`", "none"]),
     (
@@ -343,7 +343,7 @@ fn what_cannot_be_is_refused_with_key_value_and_remedy() {
     }
 }
 
-/// In the file, every mistake has its line, and all are told at once.
+/// In the file, every mistake is reported with its line, and all are reported at once.
 #[test]
 fn mistakes_in_the_file_have_their_lines() {
     let folder = Folder::new("lines");

@@ -1,8 +1,8 @@
-//! Connections by fields that do not fit are refused before anything runs, with key, value and remedy.
+//! Connections by fields that do not fit are rejected before anything runs, with key, value and remedy.
 
 use escapement_tests::program::{Folder, Said, orchestrate, root, text};
 
-/// `wired.toml` with `sets` is refused in each of these words.
+/// `wired.toml` with `sets` is rejected with each of these texts.
 fn refused(sets: &[&str], words: &[&str]) {
     let mut arguments = vec!["check", "examples/fmu/wired.toml"];
     sets.iter().for_each(|set| arguments.extend(["--set", set]));

@@ -1,4 +1,4 @@
-//! Truth values, enumerations and small numbers as signals: an example in Rust and C++, and one in C that shares nothing with it.
+//! Truth values, enumerations and small numbers as signals: an example in Rust and C++, and one in C that is independent of it.
 
 use std::path::Path;
 
@@ -28,14 +28,14 @@ fn tank(arguments: &[&str]) -> Said {
     call(&built().join("tank"), arguments)
 }
 
-/// What is written of a refusal of the tank's scenario with one change.
+/// The error message of the tank's scenario with one change.
 fn refused(set: &str) -> String {
     let said = tank(&["check", TANK, "--set", set]);
     assert_eq!(said.code, Some(2), "{set}: {said:?}");
     said.err
 }
 
-/// One tape from processes, from one loop, and taken up in the middle, in either way.
+/// Checks that the tape is the same from processes, from one loop, and resumed in the middle, in either way.
 fn one_tape(folder: &Folder, run: &dyn Fn(&[&str]) -> Said) {
     let path = |name: &str| folder.path().join(name);
     let done = |said: Said| assert_eq!(said.code, Some(0), "{said:?}");

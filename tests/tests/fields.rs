@@ -1,4 +1,4 @@
-//! Connections by fields: what fits that was not made for each other, what is said of it, and what is refused.
+//! Connections by fields: valid ones between independently written participants, their description, and rejected ones.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -36,7 +36,7 @@ fn same(one: &Path, other: &Path) {
     assert_eq!(said.code, Some(0), "{}: {said:?}", other.display());
 }
 
-/// Runs `scenario` in processes, in one if it can be, resumed from `at`, and replays each of `participants`: one tape. Gives the run.
+/// Runs `scenario` in processes, in one if possible, resumed from `at`, and replays each of `participants`: one tape. Returns the run.
 fn every_way(folder: &Folder, scenario: &Path, at: &str, participants: &[&str]) -> PathBuf {
     let path = |name: &str| folder.path().join(name);
     let (apart, whole, resumed) = (path("apart"), path("whole"), path("resumed"));
@@ -181,7 +181,7 @@ fn examples_wired_by_fields_have_the_tapes_of_their_ports() {
         let said = example(program, &arguments);
         assert_eq!(said.code, Some(0), "{said:?}");
         same(&plain, &mapped);
-        // The plan holds what was said, so it runs again by itself.
+        // The plan holds the command-line changes, so it runs again by itself.
         let again = path(&format!("{program}-again"));
         let said = example(
             program,
@@ -192,7 +192,7 @@ fn examples_wired_by_fields_have_the_tapes_of_their_ports() {
     }
 }
 
-/// An oscillator whose damper sees its position 5 ms and its velocity 20 ms late, and is told of a sum.
+/// An oscillator whose damper sees its position 5 ms and its velocity 20 ms late, and reads a sum.
 fn oscillator(folder: &Folder, more: &str) -> PathBuf {
     folder.write(
         "oscillator.toml",

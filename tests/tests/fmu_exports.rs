@@ -1,4 +1,4 @@
-//! FMUs that the program makes: in the place of what they were made of they give the same tape.
+//! FMUs that the program exports: in place of their source participants they yield the same tape.
 
 use std::path::{Path, PathBuf};
 
@@ -31,7 +31,7 @@ fn export(scenario: &str, more: &[&str], sets: &[String]) -> Said {
     orchestrate(&arguments)
 }
 
-/// Exports a participant, and gives the changes that put the FMU in its place, which the program has printed.
+/// Exports a participant, and returns the printed changes that replace it by the FMU.
 fn in_its_place(folder: &Folder, scenario: &str, name: &str, fmi: &str, sets: &[String]) -> Vec<String> {
     let file = folder.path().join(format!("{name}-{fmi}.fmu"));
     let said = export(
@@ -43,7 +43,7 @@ fn in_its_place(folder: &Folder, scenario: &str, name: &str, fmi: &str, sets: &[
     place(&said.out, name)
 }
 
-/// The changes that put an FMU in the place of the participant `name`, of what the program has printed.
+/// The changes that replace the participant `name` by an FMU, from the program's output.
 fn place(printed: &str, name: &str) -> Vec<String> {
     let (_, entry) = printed
         .split_once("In the place of the participant:\n")
@@ -56,12 +56,12 @@ fn place(printed: &str, name: &str) -> Vec<String> {
     ]
 }
 
-/// An FMU in the place of each of `names`, then of all of them, in processes and in one: `reference` is the tape.
+/// An FMU in place of each of `names`, then of all of them, in processes and in one: `reference` is the tape.
 fn changes_no_bit(folder: &Folder, scenario: &str, sets: &[String], names: &[&str], more: &[&str]) {
     changes_no_bit_in(&["2", "3"], folder, scenario, sets, names, more);
 }
 
-/// The same in some versions of the standard.
+/// The same for the given versions of the standard.
 fn changes_no_bit_in(
     versions: &[&str],
     folder: &Folder,
@@ -117,7 +117,7 @@ fn capture_of_fmus_is_the_same_run() {
     changes_no_bit(&folder, CLOSE, &[], &["plant", "controller", "guidance"], &more);
 }
 
-/// A plug-in goes into its FMU, in another language than the stock participants and with a delay on the way.
+/// A plug-in is packed into its FMU, in another language than the stock participants and with a delay on the connection.
 #[test]
 fn position_loop_of_fmus_of_plugins_is_the_same_run() {
     let folder = Folder::new("exported-pid");
@@ -130,8 +130,8 @@ fn position_loop_of_fmus_of_plugins_is_the_same_run() {
     changes_no_bit(&folder, PID, &sets, &["plant", "controller", "reference"], &[]);
 }
 
-/// Enumerations, truth values and small numbers of an FMU are those of the participant that it was made of, also where FMI 2.0 makes an
-/// Integer of a small number.
+/// Enumerations, truth values and small numbers of an FMU are those of its source participant, also where FMI 2.0 represents a small
+/// number as an Integer.
 #[test]
 fn named_values_of_fmus_are_the_same_run() {
     let folder = Folder::new("exported-crossing");
@@ -183,7 +183,7 @@ fn texts_and_bytes_of_fmus_are_the_same_run() {
             .contains("`beacon.frame` has bytes, for which FMI 2.0 has no type"),
         "{said:?}"
     );
-    // Without the bytes the older version does, with lists of texts and of enumerations.
+    // Without the bytes, FMI 2.0 works too, with lists of texts and of enumerations.
     let table = folder.write("words.toml", WORDS);
     let shop = escapement_tests::compiler::Workshop::open("words");
     let plugin = shop.plugin("tests/plugins/words.c", "libwords.so", &[]);
@@ -192,7 +192,7 @@ fn texts_and_bytes_of_fmus_are_the_same_run() {
     changes_no_bit(&names, text(&table), &sets, &["one", "two"], &[]);
 }
 
-/// A longer text than the room that its field has ends the run.
+/// A text that exceeds the capacity of its field ends the run.
 #[test]
 fn text_of_an_fmu_is_not_cut_off() {
     let folder = Folder::new("exported-long");
@@ -212,12 +212,12 @@ fn text_of_an_fmu_is_not_cut_off() {
     assert!(said.err.contains("`beacon`") && said.err.contains(words), "{said:?}");
 }
 
-/// Two participants that tell each other what they were told, and how they are.
+/// Two participants that exchange what they have received, and their state.
 const WORDS: &str = "duration = \"5 s\"\n[participants.one]\nperiod = \"100 ms\"\n[participants.two]\nperiod = \"130 ms\"\n\
                      offset = \"10 ms\"\n[connections.there]\nfrom = \"one.said\"\nto = \"two.heard\"\n\
                      [connections.back]\nfrom = \"two.said\"\nto = \"one.heard\"\ndelay = \"20 ms\"\ninitial = { word = [\"Öl\", \"\"] }\n";
 
-/// A program of its own exports what it contains, by its own library.
+/// A user's program exports its own participants, with its own library.
 #[test]
 fn own_program_exports_its_participants() {
     let folder = Folder::new("exported-own");
@@ -257,7 +257,7 @@ fn own_program_exports_its_participants() {
     let (code, said) = pid(&arguments);
     assert!(matches!(code, Some(0 | 3)), "{said}");
     same(&path("reference"), &out);
-    // The library of another program knows no such participant.
+    // The library of another program does not know that participant.
     let (code, said) = pid(&[
         "fmu",
         "export",
@@ -271,7 +271,7 @@ fn own_program_exports_its_participants() {
     assert!(said.contains("there is no builtin `pid`"), "{said}");
 }
 
-/// The FMU is the same bytes again, and says of itself what `inspect` understands.
+/// A second export yields the same bytes, and `inspect` reads the FMU.
 #[test]
 fn export_is_reproducible_and_can_be_inspected() {
     let folder = Folder::new("exported-twice");
@@ -333,7 +333,8 @@ fn records(run: &Path, stream: &str) -> Vec<Vec<u8>> {
     (0..reader.count(number)).map(read).collect()
 }
 
-/// A mass alone as a scenario with an open input becomes one FMU; with its neighbour it moves as the mass does, and tells its figure.
+/// A mass alone, as a scenario with an unconnected input, becomes one FMU; with its neighbour it moves as the mass does, and outputs its
+/// figure.
 #[test]
 fn whole_scenario_is_one_fmu_with_inputs_and_figures() {
     let folder = Folder::new("exported-whole");
@@ -395,7 +396,7 @@ fn whole_scenario_is_one_fmu_with_inputs_and_figures() {
             .try_into()
             .expect("eight bytes");
         assert_eq!(f64::from_le_bytes(last), farthest);
-        // Another instance is brought to the same state by what was set.
+        // Another instance is brought to the same state by replaying the inputs.
         let said = orchestrate(&["resume", text(&out), "--out", text(&resumed), "--quiet"]);
         assert_eq!(said.code, Some(0), "{said:?}");
         same(&out, &resumed);
@@ -427,7 +428,7 @@ fn step_that_is_no_multiple_of_the_period_is_refused() {
     }
 }
 
-/// What cannot be exported is refused with the reason, and leaves no file.
+/// What cannot be exported is rejected with the reason, and no file is left.
 #[test]
 fn what_cannot_be_exported_is_refused() {
     let folder = Folder::new("exported-refusals");

@@ -1,5 +1,5 @@
-//! FMUs come and go in one process, as the points of a campaign do in a worker: nothing of them stays. The figures are those of the C
-//! library's allocator and of `/proc/self`, which no other test of this file disturbs, and which take no time into account.
+//! FMUs are created and dropped in one process, as by the points of a campaign in a worker: nothing of them remains. The figures come from
+//! the C library's allocator and from `/proc/self`; no other test of this file disturbs them, and they do not depend on time.
 
 use std::path::Path;
 
@@ -7,13 +7,13 @@ use escapement_tests::fmus::Recipe;
 use escapement_tests::program::Folder;
 use lockstep::participant::{Inputs, Outputs, Setup, Step};
 
-/// Caches and tables have their size by then.
+/// By then, caches and tables have their final size.
 const FIRST: u64 = 100;
 const MANY: u64 = 1000;
-/// What may come and go besides: the first block that an instance of the smallest FMU leaks a thousand times is larger.
+/// Tolerance for other allocations: the first block that an instance of the smallest FMU would leak a thousand times is larger.
 const SLACK: usize = 64 << 10;
 
-/// Makes an FMU, steps it a little, saves it and drops it.
+/// Creates an FMU, steps it a few times, saves it and drops it.
 fn once(file: &Path, number: u64) {
     let setup = Setup {
         name: format!("it-{number}"),
@@ -39,7 +39,7 @@ fn once(file: &Path, number: u64) {
     it.restore(&state).expect("it goes back");
 }
 
-/// Bytes that are taken from the heap, by the libraries of FMUs too; pages of the process; what is mapped of FMUs; open files.
+/// Heap bytes, including those of FMU libraries; pages of the process; mappings of FMUs; open files.
 fn figures() -> (usize, usize, usize, usize) {
     // SAFETY: it only reads the allocator's counters.
     let heap = unsafe { libc::mallinfo2() };
@@ -54,7 +54,7 @@ fn figures() -> (usize, usize, usize, usize) {
 #[test]
 fn thousand_instances_leave_nothing_behind() {
     let folder = Folder::new("instances");
-    // One that saves itself, and one that is brought back by being started again.
+    // One that can save its state, and one that is restored by a restart.
     for (version, state) in [(2, true), (3, false)] {
         let recipe = Recipe {
             state,
@@ -67,7 +67,7 @@ fn thousand_instances_leave_nothing_behind() {
         let after = figures();
         let shown = format!("FMI {version}, state functions: {state}: {before:?}, then {after:?}");
         assert!(after.0 <= before.0 + SLACK, "bytes of the heap: {shown}");
-        // 16 MiB of 4 KiB pages: a library that stays takes 5 of them.
+        // 16 MiB of 4 KiB pages: a library that stays loaded takes 5 of them.
         assert!(after.1 <= before.1 + 4096, "pages: {shown}");
         assert_eq!(
             (after.2, after.3),

@@ -1,4 +1,4 @@
-//! What participants say in an exported FMU comes to the importer's log, of one participant and of a whole scenario.
+//! Log lines of participants in an exported FMU reach the importer's log, for one participant and for a whole scenario.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,7 +10,7 @@ use escapement_tests::program::{Folder, orchestrate, root, text};
 const SCENARIO: &str = "duration = \"50 ms\"\n[participants.first]\nrun = { builtin = \"diary\" }\nperiod = \"10 ms\"\n\
                         [participants.second]\nrun = { builtin = \"diary\" }\nperiod = \"20 ms\"\n";
 
-/// An FMU that is unpacked, and what steps it.
+/// An unpacked FMU, and the program that steps it.
 struct Unpacked {
     importer: PathBuf,
     library: PathBuf,
@@ -19,7 +19,7 @@ struct Unpacked {
 }
 
 impl Unpacked {
-    /// Exports the scenario with plug-ins in both seats, as `what` says.
+    /// Exports the scenario with plug-ins in both slots, with the options `what`.
     fn new(folder: &Folder, shop: &Workshop, name: &str, what: &[&str]) -> Unpacked {
         let plugin = shop.path("c/libdiary.so");
         let scenario = folder.write("diaries.toml", SCENARIO);
@@ -46,7 +46,7 @@ impl Unpacked {
         }
     }
 
-    /// What its logger gets, with these `categories`, and how the importer ends.
+    /// The messages that its logger receives, with these `categories`, and how the importer ends.
     fn heard(&self, categories: &[&str]) -> (Option<i32>, String) {
         let mut command = Command::new(&self.importer);
         command

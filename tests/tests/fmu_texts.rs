@@ -3,7 +3,7 @@
 use escapement_tests::program::{Folder, orchestrate, root, text};
 use tape::{Reader, Source};
 
-/// Texts between FMUs of both versions, with bytes between those of the newer one; a text that is too long for its room ends the run.
+/// Texts between FMUs of both versions, with bytes between those of FMI 3.0; a text that exceeds its capacity ends the run.
 #[test]
 fn texts_and_bytes_pass_through_two_fmus() {
     let folder = Folder::new("texts");

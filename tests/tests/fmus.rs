@@ -1,4 +1,4 @@
-//! FMUs take part: the Reference FMUs with their reference results, and FMUs that are built here.
+//! FMUs as participants: the Reference FMUs with their reference results, and FMUs built by the tests.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use escapement_tests::fmus::Recipe;
 use escapement_tests::program::{Folder, Said, orchestrate, root, text};
 use tape::{Reader, Source};
 
-/// Runs `scenario` in processes and in one, and sees that both have one tape. Gives the run folder.
+/// Runs `scenario` in processes and in one, and checks that both tapes are equal. Returns the run folder.
 fn both_ways(folder: &Folder, scenario: &Path) -> PathBuf {
     let apart = folder.path().join("apart");
     let said = orchestrate(&["run", text(scenario), "--out", text(&apart), "--quiet"]);
@@ -67,7 +67,7 @@ fn reproduces(model: &str, period: &str, duration: &str, ports: &str, tolerance:
         let reader = Reader::open(&run.join("tape")).expect("the run has a tape");
         let stream = &reader.streams()[reader.stream("it.outputs").expect("it has outputs")];
         for (column, name) in names.iter().enumerate().skip(1) {
-            // FMI 2.0 knows fewer types, and a text is a signal where it is named.
+            // FMI 2.0 has fewer types, and a text is a signal only where it is named.
             if stream.descriptor.field(name).is_none() {
                 continue;
             }
@@ -110,7 +110,7 @@ fn feedthrough_reproduces_its_reference() {
     reproduces("Feedthrough", "0.1 s", "2 s", "run.ports.inputs = []", 0.0);
 }
 
-/// Start values of one are the outputs of that, which are the inputs of another one: nothing is lost on the way.
+/// Start values of one FMU are its outputs, which are the inputs of another: none is lost.
 #[test]
 fn every_type_passes_through_two_fmus() {
     let file = reference("3", "Feedthrough");
@@ -172,7 +172,7 @@ fn every_type_passes_through_two_fmus() {
             );
         }
     }
-    // Items have names on the tape too, and what no item has is none of the FMU's.
+    // Items have names on the tape too, and a value that no item has is a fault of the FMU.
     let index = std::fs::read_to_string(run.join("tape/index.json")).expect("the tape has an index");
     let index: serde_json::Value = serde_json::from_str(&index).expect("it is one");
     let fields = index["streams"][0]["descriptor"]["fields"]
@@ -187,7 +187,7 @@ fn every_type_passes_through_two_fmus() {
     assert_eq!(of("Int16_output")["element"], "i16");
 }
 
-/// A spring and a damper, each in the other version of the standard.
+/// A spring and a damper, each in a different version of the standard.
 fn pair(folder: &Folder, state: bool, spring: &str, damper: &str) -> PathBuf {
     let two = Recipe {
         state,
@@ -241,7 +241,7 @@ fn spring_and_damper_are_one_run_in_every_way() {
             let said = orchestrate(&[&["resume", text(&saved), "--out", text(&resumed), "--quiet"], way].concat());
             assert_eq!(said.code, Some(0), "{said:?}");
             same(&run, &resumed);
-            // The same FMU takes over from itself.
+            // The FMU is replaced by another instance of itself.
             let replaced = folder.path().join("replaced");
             let own = std::fs::read_to_string(&scenario).expect("the scenario is there");
             let substitute = own

@@ -1,4 +1,4 @@
-//! The examples that drive runs from code do what their pages say.
+//! The examples that drive runs from code do what their pages state.
 
 use std::process::Command;
 

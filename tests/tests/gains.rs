@@ -1,4 +1,4 @@
-//! Tuned gains as their user sees them: recomputed, flown, and contradicted.
+//! Tuned gains from the user's point of view: recomputed, verified in closed-loop flights, and contradicted.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -56,7 +56,7 @@ fn a_flight_that_contradicts_the_linear_claim_is_told() {
     );
 }
 
-/// Who is killed in the middle of a flight leaves its folder where `doctor` finds it.
+/// A command killed in the middle of a flight leaves its folder where `doctor` finds it.
 #[test]
 fn what_a_killed_flight_leaves_is_removed() {
     let base = Path::new("/dev/shm");
@@ -82,7 +82,7 @@ fn what_a_killed_flight_leaves_is_removed() {
         );
         std::thread::sleep(Duration::from_millis(5));
     };
-    // While it lives nobody takes it away.
+    // While the process lives, its folder is not removed.
     assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
     assert!(left.exists());
     let on_disk = left.join("scratch").canonicalize().expect("what is large is on disk");
@@ -141,7 +141,7 @@ fn tune_names_the_line_of_a_wrong_key() {
     }
 }
 
-/// What `check --json` says of the velocity loop of a stock scenario, changed as asked.
+/// The output of `check --json` about the velocity loop of a stock scenario, with the given changes.
 fn velocity_loop(scenario: &str, sets: &[String]) -> Value {
     let said = check(scenario, sets, true);
     assert_eq!(said.code, Some(0), "{scenario}: {said:?}");
@@ -164,7 +164,7 @@ fn numbers(value: &Value) -> Vec<f64> {
     list.iter().map(|one| one.as_f64().expect("a number")).collect()
 }
 
-/// Ten milliseconds before the controller and ten behind it, for which the stock gains are tuned.
+/// A delay of ten milliseconds before the controller and of ten after it, for which the stock gains are tuned.
 fn delays() -> Vec<String> {
     ["measured", "command"]
         .map(|link| format!("connections.{link}.delay=10ms"))
@@ -217,7 +217,7 @@ fn check_predicts_the_joints_at_the_grasp() {
     }
 }
 
-/// Gains that are stable at the start and not at the grasp are warned of there, by `check` and by `run`.
+/// Gains that are stable at the start and not at the grasp cause a warning for the grasp, from `check` and from `run`.
 #[test]
 fn gains_unstable_at_the_grasp_are_warned_of() {
     let folder = Folder::new("unstable");
@@ -281,7 +281,7 @@ fn tune_takes_a_configuration_from_a_run() {
         "--out",
         text(&run),
     ];
-    // The approach fails for want of time; the tape is what is needed.
+    // The approach fails because the time is too short; only the tape is needed.
     let said = orchestrate(&arguments);
     assert!(run.join("tape").exists(), "{said:?}");
     let stock = std::fs::read_to_string(root().join("gains/p-diagonal.spec.toml")).unwrap();

@@ -1,4 +1,4 @@
-//! Lies that have the form of the truth, and the guards that do not let them pass.
+//! Well-formed but invalid samples, and the guards that reject them.
 
 use escapement_tests::program::{Folder, orchestrate, participant, root, text};
 use escapement_tests::world::World;
@@ -30,7 +30,7 @@ fn a_value_out_of_its_range_ends_the_run_with_field_time_and_value() {
     let words = "participant `damper`: gave out `damper.push` sample #200 at t = 2 s with force = 90 N, outside of -80 to 80 N \
                  (guard `strong`)";
     assert!(said.err.contains(words), "{said:?}");
-    // It is on the tape, because others may have seen it.
+    // The sample is on the tape, because other participants may have seen it.
     let tape = std::fs::read(world.path("run/tape/damper.push.bin")).unwrap();
     assert!(tape.len() >= 24 * 201, "{}", tape.len());
     assert_eq!(tape[24 * 200 + 8..24 * 200 + 16], 90_f64.to_le_bytes());
@@ -58,7 +58,7 @@ fn a_liar_can_be_replaced_but_not_restarted() {
         let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");
         let said = world.run("run", &["--set", &policy, "--checkpoint-every", "3s"]);
         assert_eq!(said.code, Some(0), "{said:?}");
-        // How far the liar had come by then is a matter of the machine, but it is not past the next rest.
+        // How far the offending participant has got by then depends on the machine, but it is not past the next pause.
         let count = world.count("run", 999);
         assert!((700..1000 - first).contains(&count), "{count}");
         let said = world.run(
@@ -78,7 +78,7 @@ fn a_liar_that_has_done_everything_cannot_be_replaced() {
     let good = participant("damper").display().to_string();
     let world = World::with("finished", "out_of_range", GUARDS);
     let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");
-    // Its last sample is the first lie.
+    // Its last sample is the first invalid one.
     let said = world.run("run", &["--set", &policy, "--duration", "2.01s"]);
     assert_eq!(said.code, Some(1), "{said:?}");
     for part in [
@@ -112,7 +112,7 @@ fn in_one_process_as_well() {
     assert_eq!(said[0], said[1]);
 }
 
-/// What the stock participants tell of their modes has names, which guards and messages use.
+/// The modes that the stock participants report have names, which guards and messages use.
 #[test]
 fn stock_modes_go_by_their_names() {
     let folder = Folder::new("modes");

@@ -1,4 +1,4 @@
-//! A participant that is held before its step: what it sees, and what is given in its place.
+//! A participant that is held before its step: the inputs that it sees, and the outputs supplied instead of its step.
 
 use std::path::Path;
 use std::process::Command;
@@ -42,7 +42,7 @@ fn digest(run: Run) -> String {
     run.end().unwrap().digest.unwrap().to_string()
 }
 
-/// The law of the damper, from outside.
+/// The control law of the damper, computed by the test.
 fn answer(run: &mut Run, count: &mut u64) {
     let motion: Motion = run.shown("damper.motion").unwrap().get().unwrap();
     *count += 1;
@@ -84,7 +84,7 @@ fn continuous_one_is_held_and_answered_as_well() {
 fn one_that_is_held_and_not_answered_steps_as_ever() {
     let whole = whole();
     let mut run = Run::start(&scenario(false), &inside(Record::Memory)).unwrap();
-    // Held again and again, with rests between, and back.
+    // Held repeatedly, with pauses in between, and restored.
     for name in ["damper", "damper", "plant", "plant", "damper"] {
         assert!(run.run_before(name).unwrap());
     }

@@ -1,4 +1,4 @@
-//! Points side by side in the lanes of a processor: tables, digests and journals are those of one point after the other.
+//! Points in parallel in the lanes of a processor: tables, digests and journals equal those of points run one after the other.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -9,8 +9,8 @@ use escapement_tests::program::{Folder, Said, finish, orchestrate, start, text};
 
 const CLOSE: &str = "scenarios/close.toml";
 
-/// Points that differ in everything that a plant steps with: its masses, its start, its method and substeps, its wheels, its end. One is not
-/// finite on the way, one is refused, one captures at once, one has a brake and a fault on the way of its samples.
+/// Points that differ in everything that affects a plant's step: its masses, its start, its method and substeps, its wheels, its end. One
+/// becomes non-finite, one is rejected, one captures at once, one has a brake and a fault of the samples on their way.
 const CASES: &str = r#"
 title = "Points of all kinds"
 
@@ -123,7 +123,7 @@ fn a_worker_that_is_killed_loses_no_point_of_several() {
     let child = start(&[&["sweep", CLOSE, "--out", text(&out), "--lanes", "8"], &seeds[..]].concat());
     let started = Instant::now();
     let mut worker = String::new();
-    // as soon as the first results are there, which is when several are under way again
+    // as soon as the first results exist, when several points are in progress again
     while worker.is_empty() || std::fs::metadata(out.join("results.jsonl")).map_or(0, |about| about.len()) == 0 {
         assert!(started.elapsed() < Duration::from_secs(120), "it never works");
         let children = std::fs::read_to_string(format!("/proc/{0}/task/{0}/children", child.id())).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Participants in C, C++ and Rust, as programs and as plug-ins: one tape, whatever runs where.
+//! Participants in C, C++ and Rust, as programs and as plug-ins: one tape, independently of language and process.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,7 +19,7 @@ fn run(scenario: &str, out: &Path, sets: &[String], more: &[&str]) -> Said {
 
 fn runs(scenario: &str, out: &Path, sets: &[String], more: &[&str]) {
     let said = run(scenario, out, sets, more);
-    // Whether the criteria of an example are met with these changes is another matter.
+    // Whether the criteria of an example are met with these changes is irrelevant here.
     assert!(matches!(said.code, Some(0 | 3)), "{sets:?} {more:?}: {said:?}");
 }
 
@@ -61,7 +61,7 @@ fn position_loops() -> [(&'static str, Vec<String>); 3] {
     ]
 }
 
-/// The tape of the position loop as the program in Rust gives it.
+/// The tape of the position loop from the program in Rust.
 fn position_loop_in_rust(folder: &Folder) -> PathBuf {
     let out = folder.path().join("builtin");
     let said = Command::new(built().join("pid"))
@@ -101,7 +101,7 @@ fn springs_in_rust_c_and_cpp_give_one_tape() {
             same(&path("rust"), &out(how));
         }
     }
-    // One of each, with draws and gaps.
+    // One participant in each language, with random drops and gaps.
     let late = [
         "connections.to-right.jitter=7ms",
         "connections.to-left.drop=0.2",
@@ -165,7 +165,7 @@ fn plugins_resume_and_hand_over_from_language_to_language() {
             }
         }
     }
-    // From C to C++ to Rust while it runs, with the state.
+    // Replaced from C to C++ to Rust during the run, with the state.
     let shop = examples();
     let takes_over = |at: &str, file: &Path, which: &str| {
         let file = text(file);
@@ -235,7 +235,7 @@ fn campaigns_run_plugins_and_know_them_by_their_digest() {
         let file = format!("lib{name}.so");
         std::fs::copy(examples().path(&format!("c/{file}")), path(&file)).expect("a library can be copied");
     }
-    // Relative to the scenario, not to where the command is given.
+    // Relative to the scenario, not to the working directory.
     let mut scenario = std::fs::read_to_string(root().join(PID)).expect("the example is there");
     for name in ["plant", "pid", "reference"] {
         scenario = scenario.replace(
@@ -252,7 +252,7 @@ fn campaigns_run_plugins_and_know_them_by_their_digest() {
     assert_eq!(said.code, Some(0), "{said:?}");
     let results = std::fs::read_to_string(sweep.join("results.jsonl")).expect("a campaign has a journal");
     assert_eq!(results.lines().count(), 3, "{results}");
-    // The point at 7 ms is the run by itself.
+    // The point at 7 ms equals the single run.
     let said = orchestrate(&["run", text(&file), "--out", text(&kept), "--json"]);
     let digest = said.json()["tape_digest"].as_str().unwrap_or_default().to_owned();
     assert!(!digest.is_empty() && results.contains(&digest), "{digest}: {results}");
@@ -264,7 +264,7 @@ fn campaigns_run_plugins_and_know_them_by_their_digest() {
     let said = orchestrate(&arguments);
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(said.err.contains("is of another campaign"), "{said:?}");
-    // And a participant of the recorded run can be run again, in this process and in its own.
+    // A participant of the recorded run can be replayed, in this process and in a separate one.
     for how in [&[][..], &["--process"]] {
         let said = orchestrate(&[&["replay", text(&kept), "--participant", "controller"], how].concat());
         assert_eq!(said.code, Some(0), "{said:?}");
@@ -279,7 +279,7 @@ fn projects_find_the_package_with_cmake() {
     }
     let (folder, shop) = (Folder::new("cmake"), examples());
     let path = |name: &str| folder.path().join(name);
-    // A fresh install that has been moved, and a project that lies elsewhere.
+    // A fresh installation that has been moved, and a project in another place.
     must(Command::new("cp").arg("-a").arg(shop.path("prefix")).arg(path("moved")));
     for language in ["c", "cpp"] {
         let source = path(&format!("{language}-source"));

@@ -1,4 +1,4 @@
-//! Pictures of megabytes as samples: in processes and in one, on the tape, in exports and on the page.
+//! Images of megabytes as samples: in processes and in one, on the tape, in exports and on the page.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -46,7 +46,7 @@ fn done(said: Said) {
     assert_eq!(said.code, Some(0), "{said:?}");
 }
 
-/// What the viewer has seen: exposure, sum and last pixel of each picture.
+/// The viewer's results: exposure, sum and last pixel of each image.
 fn seen(run: &Path) -> Vec<(f64, u64, u64)> {
     let bytes = fs::read(run.join("tape/viewer.seen.bin")).expect("the tape has the stream");
     let records = bytes.as_chunks::<32>().0.iter();
@@ -56,7 +56,7 @@ fn seen(run: &Path) -> Vec<(f64, u64, u64)> {
         .collect()
 }
 
-/// The same, computed from what the camera does.
+/// The same, computed from the camera's law.
 fn expected(rows: u64, columns: u64, pictures: u64) -> Vec<(f64, u64, u64)> {
     let picture = |index: u64| {
         let last = (index + 1) % 256;
@@ -111,7 +111,7 @@ fn pictures_give_one_tape_and_are_exported_as_they_are() {
             .unwrap_or_else(|| panic!("{name} is too short"));
         assert!(more < 64 << 10, "{name} has {more} bytes besides the pixels");
     }
-    // Neither the page nor `check` goes through the pixels.
+    // Neither the page nor `check` iterates over the pixels.
     let page = path("page.html");
     done(orchestrate(&["report", text(&within), "--out", text(&page)]));
     let page = fs::read_to_string(page).unwrap();
@@ -186,7 +186,7 @@ fn what_goes_through_elements_of_pictures_is_refused_with_a_way_out() {
     let reason = "connections.pictures.map: an input of 4194312 bytes (`Picture`) is not put together from fields, only one of at most \
                   1048576: connect it with an output of the same description";
     assert!(said.err.contains(reason), "{}", said.err);
-    // Single elements are looked at, and found without going through the others.
+    // Single elements are checked, without iterating over the others.
     let more = "[guards.last]\noutput = \"camera.picture\"\nfield = \"pixels[2047][2047]\"\nrange = [0, 200]\n\
                 [measures.last]\nof = \"camera.picture.pixels[2047][2047]\"\ncompute = \"max\"\n";
     let file = scenario(&folder, "libcamera.so", "100 ms", "1 s", more);

@@ -1,5 +1,5 @@
-//! The rules of the code base's layout, over `cargo metadata` and the sources: what may depend on what, and what must not be
-//! said where. `ARCHITECTURE.md` gives the reasons.
+//! The architectural rules of the code base, over `cargo metadata` and the sources: permitted dependencies, and words that certain files
+//! must not contain. `ARCHITECTURE.md` gives the reasons.
 
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -8,7 +8,7 @@ use escapement_tests::program::root;
 use escapement_tests::sources::{files, lines, none, says, shipped, sources};
 use escapement_tests::workspace::{ARROWS, package, packages};
 
-/// Values in, values out.
+/// Packages of pure functions.
 const MODELS: [&str; 4] = ["multibody", "control-laws", "guidance-laws", "synthesis"];
 
 /// The modules of the standard library that a line of code names, also in `use std::{a, b::c}`.
@@ -81,7 +81,7 @@ fn arrows_only_point_down() {
 
 #[test]
 fn models_know_no_process_file_clock_or_log() {
-    // Synthesis runs on a desk, before any run; whoever is in a step has one thread.
+    // Synthesis runs offline, before any run; code in a step has one thread.
     let modules = ["process", "fs", "time", "env", "net", "thread"];
     let crates = ["log", "tracing", "rustix", "libc", "iceoryx2", "lockstep"];
     for name in MODELS {
@@ -178,7 +178,7 @@ fn processes_and_signals_have_one_place_each() {
     }
 }
 
-/// A library of a run prints nothing, reads no keys and never ends the process: what happens goes to an observer.
+/// A library of a run does not print, reads no keys and never ends the process: it reports events to an observer.
 #[test]
 fn the_engine_knows_no_terminal() {
     let names = [
@@ -193,7 +193,7 @@ fn the_engine_knows_no_terminal() {
     for name in ["lockstep", "tape", "report", "engine", "capture"] {
         let found = shipped(package(name))
             .into_iter()
-            // A participant's own program reports its failure, and its lines, where the orchestrator keeps them.
+            // A participant's program reports its failure and its log lines where the orchestrator keeps them.
             .filter(|line| !line.test && !line.path.ends_with("lockstep/src/host/mod.rs"))
             .filter(|line| !line.path.ends_with("lockstep/src/participant/log.rs"))
             .filter_map(|line| {
@@ -238,7 +238,7 @@ fn one_file_names_bincode() {
 
 #[test]
 fn matrices_have_static_sizes() {
-    // A dynamic product in nalgebra picks its kernel by CPU feature, which changes bits. Synthesis runs before any run.
+    // A dynamic product in nalgebra selects its kernel by CPU feature, which changes bits. Synthesis runs before any run.
     let names = ["DMatrix", "DVector", "OMatrix<f64, Dyn", "nalgebra::Dyn"];
     for name in MODELS.into_iter().filter(|name| *name != "synthesis") {
         let found = shipped(package(name)).into_iter().filter_map(|line| {
@@ -251,7 +251,7 @@ fn matrices_have_static_sizes() {
 
 #[test]
 fn nothing_is_left_for_later() {
-    // Put together here, so that this file does not find itself.
+    // Assembled here, so that this file does not match itself.
     let words = [
         ["to", "do!("],
         ["unimple", "mented!("],

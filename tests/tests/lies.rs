@@ -1,10 +1,10 @@
-//! Participants that break the protocol: whatever they write into shared memory, the run ends, names them, and leaves nothing.
+//! Participants that violate the protocol: whatever they write into shared memory, the run ends, names them, and leaves nothing behind.
 
 use escapement_tests::machine::processes_of;
 use escapement_tests::program::{Folder, Said, orchestrate, participant};
 use escapement_tests::world::oscillator;
 
-/// The run ends with code 1 and says all of `words`.
+/// Checks that the run ends with code 1 and reports all of `words`.
 fn caught(lie: &str, words: &[&str]) -> (Folder, Said) {
     caught_with(lie, &[], words)
 }

@@ -1,4 +1,4 @@
-//! A run that is watched and steered from a page: what steering does, and what nobody else can do to it.
+//! A run that is watched and steered from a page: the effect of steering, and the rejection of every other access.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -20,7 +20,7 @@ struct Watched {
 }
 
 impl Watched {
-    /// A run of `scenario` into `out` that rests at 1 s.
+    /// A run of `scenario` into `out` that is paused at 1 s.
     fn at_one_second(scenario: &Path, out: &Path) -> Watched {
         let (scenario, out) = (text(scenario), text(out));
         let pause = ["--quiet", "--live", "--pause-at", "1 s"];
@@ -68,7 +68,7 @@ impl Watched {
         serde_json::from_str::<Value>(&body).unwrap()["state"].clone()
     }
 
-    /// Waits until everybody rests at this horizon.
+    /// Waits until all participants are paused at this horizon.
     fn rests_at(&self, seconds: f64) {
         let started = Instant::now();
         loop {
@@ -81,7 +81,7 @@ impl Watched {
         }
     }
 
-    /// A page that is open fetches the result; there is none here, so the program ends at once.
+    /// An open page fetches the result; there is none here, so the program ends at once.
     fn end(mut self) -> Said {
         let mut said = finish(self.child.take().unwrap());
         self.said.read_to_string(&mut said.err).unwrap();
@@ -128,7 +128,7 @@ fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
     let out = folder.path().join("run");
     let run = Watched::at_one_second(&scenario, &out);
     has(&out, "damper.push.bin", 100, 24);
-    // The next activation of the damper is at 1 s, the one after it at 1.01 s; the plant does all before it.
+    // The next activation of the damper is at 1 s, the following one at 1.01 s; the plant executes everything before it.
     assert_eq!(run.wish(r#"{"do": "step", "participant": "damper"}"#).0, 200);
     run.rests_at(1.001);
     has(&out, "damper.push.bin", 101, 24);
@@ -177,7 +177,7 @@ fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
     assert_eq!(run.wish(r#"{"do": "step", "time": "0.25 s"}"#).0, 200);
     run.rests_at(0.75);
     has(&out, "controller.command.bin", 75, 8 * 14);
-    // What a page shows of a run at rest, against the tape: every n-th sample and the newest.
+    // The page's data of a paused run, compared with the tape: every n-th sample and the newest.
     let (_, news) = run.get("news?have=0-0");
     let news: Value = serde_json::from_str(&news).unwrap();
     assert_eq!(news["figures"]["base-torque"][0]["samples"], 75);
@@ -204,7 +204,7 @@ fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
     assert!(matches!(run.end().code, Some(0 | 3)), "it stays until it is told to go");
 }
 
-/// Requests of others than the page: what they try, and the status that they get.
+/// Requests that do not come from the page: their content, and the status that they receive.
 fn hostile() -> [(&'static str, String, u16); 10] {
     let resume = "Content-Type: application/json\nContent-Length: 16\n\n{\"do\": \"resume\"}";
     [
@@ -283,7 +283,7 @@ fn nobody_else_can_see_or_steer_the_run() {
         other.err.contains("--live") && other.err.contains("another port"),
         "{other:?}"
     );
-    // Nothing of this has moved the run. The page does, while others hold connections and read nothing.
+    // None of these requests has advanced the run. The page does, while other clients hold connections and read nothing.
     run.rests_at(1.0);
     let held: Vec<TcpStream> = (0..15).map(|_| run.page.connect().unwrap()).collect();
     for mut stream in held.iter().take(8) {

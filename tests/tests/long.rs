@@ -1,10 +1,10 @@
-//! A short share of the long tests, by their own command. `docs/hazards.md` says what a round is and what is checked after it.
+//! A small part of the long tests, by their own command. `docs/hazards.md` describes a round and the checks after it.
 
 use std::process::{Command, Stdio};
 
 use escapement_tests::program::participant;
 
-/// Some rounds of `kind`, which all succeed.
+/// Some rounds of `kind`, all of which succeed.
 fn rounds(kind: &str, count: &str, more: &[&str]) {
     let said = Command::new(participant("long"))
         .args([kind, "--rounds", count, "--jobs", "4"])

@@ -1,5 +1,5 @@
-//! Measures and criteria of any scenario: verdict, exit code, figures that are the same in every way of running, and tapes that are
-//! asked afterwards.
+//! Measures and criteria of any scenario: verdict, exit code, figures that are the same in every way of running, and measures computed
+//! afterwards from tapes.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -73,7 +73,7 @@ band = "[-1, 1] mm"
     folder.write("bobs.toml", &scenario)
 }
 
-/// What does not depend on the machine: figures, criteria, verdict and the tape.
+/// The results that do not depend on the machine: figures, criteria, verdict and the tape.
 fn judged(summary: &Value) -> [Value; 4] {
     ["measures", "criteria", "verdict", "tape_digest"].map(|key| summary[key].clone())
 }
@@ -123,7 +123,7 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
         (&Value::from("met"), &Value::from("not-met"))
     );
     assert_eq!(rows[1]["reason"], "peak");
-    // the tape, asked by the measures of its own scenario and by those of the file
+    // the tape, evaluated with the measures of its own scenario and with those of the file
     for more in [&[][..], &["--measures", text(&scenario)]] {
         let asked = orchestrate(&[&["measure", text(&whole), "--json"], more].concat());
         assert_eq!(asked.code, Some(0), "{asked:?}");
@@ -139,7 +139,7 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
         &figure("peak"),
         position.iter().map(|(_, x)| x.abs()).fold(0.0, f64::max),
     );
-    // Whatever is within a nanosecond is one instant: these streams meet every 10 ms.
+    // Stamps within a nanosecond are one instant: these streams meet every 10 ms.
     let by = |t: f64| {
         other
             .iter()
@@ -395,7 +395,7 @@ at-most = "1 m"
         bias.out.contains("3.00 m (at most 1.00 m): 2.00 m too much at t = 0.5"),
         "{bias:?}"
     );
-    // without the fault nobody records what is seen
+    // without the fault, the samples seen are not recorded
     let refused = orchestrate(&["check", text(&scenario)]);
     let refused = if refused.code == Some(0) {
         orchestrate(&["run", text(&scenario), "--out", text(&folder.path().join("no"))])
@@ -433,7 +433,7 @@ before = {{ of = "brake.seen.motion.position", compute = "max-abs", to = "0.49 s
             damper = exe("damper")
         ),
     );
-    // Twice beyond what a double holds; the brake looks at the velocity alone.
+    // Twice the largest double; the brake uses only the velocity.
     let fault = "at=0.5s,input=brake.motion,field=position,kind=scale,value=1e200";
     let out = folder.path().join("run");
     let faults = ["--fault", fault, "--fault", fault];

@@ -1,4 +1,4 @@
-//! A mistake is told once, with the option that made it and where to mend it; what follows from it is no mistake of its own.
+//! A mistake is reported once, with the option that caused it and where to correct it; its consequences are not reported as mistakes.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ fn springs(folder: &Folder) -> std::path::PathBuf {
     folder.write("m.toml", &scenario.replace("10 s\"", "200 ms\""))
 }
 
-/// Sees that `said` is a refusal with all of `parts` and with none of `without`.
+/// Checks that `said` is an error message with all of `parts` and with none of `without`.
 fn refused(said: &Said, parts: &[&str], without: &[&str]) {
     assert_eq!(said.code, Some(2), "{said:?}");
     for part in parts {
@@ -32,12 +32,12 @@ fn a_connection_that_is_refused_is_the_only_mistake() {
     ] {
         let set = format!("connections.to-right.{set}");
         let said = orchestrate(&["check", text(&file), "--set", &set]);
-        // With its own key, and not with a line of the file, which is right.
+        // With its own key, and not with a line of the file, which is correct.
         let told = format!("m.toml: {key}: ");
         refused(&said, &[&told, part, "(given with --set)"], &["not connected"]);
         assert_eq!(said.err.lines().count(), 1, "{}", said.err);
     }
-    // A mistake of the whole connection says what of it the file does not have.
+    // A mistake in a whole connection reports which of its keys are not from the file.
     let said = orchestrate(&["check", text(&file), "--set", "connections.to-right.from=left.movement"]);
     refused(&said, &["`movement`", "(`from` given with --set)"], &["not connected"]);
 }
@@ -196,9 +196,9 @@ fn output_that_cannot_be_written_is_an_error() {
         assert_eq!(said.err.matches(told).count(), 1, "{arguments:?}: {said:?}");
         assert_eq!(said.err.matches("No space").count(), 1, "{arguments:?}: {said:?}");
     }
-    // What was done was done.
+    // The work that was done remains done.
     assert!(Path::new(run).join("summary.json").exists() && Path::new(run).join("report.html").exists());
-    // Where there is nothing to say nothing is missing.
+    // Where there is no output, none is missing.
     assert_eq!(
         on_a_full_disk(&["run", file, "--quiet", "--force", "--out", run]).code,
         Some(0)

@@ -1,4 +1,4 @@
-//! Robot descriptions of others, through the program: warnings and mistakes have file and line.
+//! Third-party robot descriptions, through the program: warnings and mistakes have file and line.
 
 use escapement_tests::program::{Folder, orchestrate, root, text};
 

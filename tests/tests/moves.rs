@@ -1,9 +1,9 @@
-//! Participants that die while everybody is being moved: each such death is one more failure, and follows the policy.
+//! Participants that die while all participants are being moved: each such death is one more failure, and follows the policy.
 
 use escapement_tests::program::participant;
 use escapement_tests::world::{World, substitution};
 
-/// `--set` of who runs in `seat`: `dies` with the folder of its marks and its `moments`.
+/// `--set` of the program in `seat`: `dies` with the folder of its marks and its `moments`.
 fn dies(world: &World, seat: &str, moments: &[&str]) -> String {
     let folder = world.folder.path().display().to_string();
     let arguments: Vec<&str> = [&[folder.as_str()], moments].concat();
@@ -19,7 +19,7 @@ const BACK: &str = "restart-from-checkpoint";
 
 #[test]
 fn who_dies_on_the_way_back_is_brought_back_too() {
-    // The plant dies in its step, and one of the two once more when the run goes back.
+    // The plant dies in its step, and one of the two once more when the run is restored.
     for (plant, damper) in [
         (&["late"][..], &["restore"][..]),
         (&["late", "restore"], &[]),
@@ -52,7 +52,7 @@ fn who_dies_on_the_way_back_is_brought_back_too() {
 
 #[test]
 fn a_participant_that_fails_on_the_way_back_is_not_replaced() {
-    // The substitute would begin where the tape ends, and the others are where they went back to.
+    // The substitute would start at the end of the tape, and the others are at the restored checkpoint.
     let world = World::new("rewound", "damper");
     let (plant, damper) = (dies(&world, "plant", &["late"]), dies(&world, "damper", &["restore"]));
     let backup = format!("{{ substitute = {{ exe = '{}' }} }}", participant("damper").display());
@@ -78,7 +78,7 @@ fn who_dies_when_asked_for_its_state_goes_back_like_the_others() {
     assert_eq!(said.code, Some(0), "{said:?}");
     assert!(said.err.contains("when it was asked for its state"), "{said:?}");
     world.same_as_undisturbed("run");
-    // The checkpoint that it died at was made in the end.
+    // The checkpoint at which it died was completed in the end.
     assert_eq!(world.resume("run", "resumed", &["--from", "4 s"]).code, Some(0));
     world.same_as_undisturbed("resumed");
 }
@@ -88,7 +88,7 @@ fn a_death_as_a_resumed_run_begins_goes_back_to_its_checkpoint() {
     let world = World::new("resumed", "damper");
     let said = world.run("run", &["--checkpoint-at", "4 s"]);
     assert_eq!(said.code, Some(0), "{said:?}");
-    // It is asked for its state before it has stepped in the resumed run.
+    // Its state is requested before it has stepped in the resumed run.
     let (runs, policy) = (dies(&world, "damper", &["first-save"]), policy("damper", BACK));
     let said = world.resume("run", "resumed", &["--set", &runs, "--set", &policy]);
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -129,7 +129,7 @@ fn a_substitute_that_dies_as_it_takes_over_follows_the_policy_of_its_seat() {
     );
 }
 
-/// A run in which the plant is substituted at 1 s, and the damper dies when it is asked to move.
+/// A run in which the plant is substituted at 1 s, and the damper dies when it is requested to move.
 fn asked_to_move(more: &[&str]) -> (World, escapement_tests::program::Said) {
     let faults = substitution("1 s", "oscillator", "keep").replace("\"damper\"", "\"plant\"");
     let world = World::with("asked", "damper", &faults);
@@ -156,7 +156,7 @@ fn who_dies_when_asked_to_move_is_replaced_where_it_was() {
     let substitute = policy("damper", &format!("{{ substitute = {{ exe = {damper:?} }} }}"));
     let (world, said) = asked_to_move(&["--set", &substitute]);
     assert_eq!(said.code, Some(0), "{said:?}");
-    // The liar counts from 0; the substitute from 1.
+    // The offending participant counts from 0; the substitute from 1.
     assert_eq!((world.count("run", 99), world.count("run", 100)), (99, 1));
     assert_eq!(world.count("run", 999), 900);
     let events = world.events("run");
@@ -188,7 +188,7 @@ fn who_dies_on_every_way_back_is_given_up() {
         said.err.contains("taken up again 5 times without getting any further"),
         "{said:?}"
     );
-    // Nothing lost: what was done before it died for the first time is there.
+    // Nothing is lost: the results from before its first death are there.
     assert_eq!(world.prefix("run"), 450);
 }
 
@@ -244,7 +244,7 @@ fn participant_that_dies_in_set_up_is_restarted() {
         assert!(said.err.contains("when it was given its parameters"), "{said:?}");
         world.same_as_undisturbed("run");
         assert!(world.events("run").contains("started again before the run began"));
-        // The words of both programs are kept.
+        // The log lines of both programs are kept.
         let logs = std::fs::read_dir(world.path("run/log")).unwrap().flatten();
         let of_seat = |name: &String| name.starts_with(&format!("{seat}."));
         let logs: Vec<String> = logs

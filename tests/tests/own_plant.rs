@@ -1,4 +1,4 @@
-//! The page docs/own-plant.md: its files are those of examples/servo, and its commands do what it says.
+//! The page docs/own-plant.md: its files are those of examples/servo, and its commands do what it states.
 
 use std::process::Command;
 

@@ -1,4 +1,4 @@
-//! A user's program has the whole command line with its own participants inside.
+//! A user's program has the whole command line, with the user's participants built in.
 
 use std::process::Command;
 

@@ -1,4 +1,4 @@
-//! The pages for people: what they quote, name and link is there.
+//! The documentation pages: everything that they quote, name and link exists.
 
 use std::path::PathBuf;
 
@@ -38,7 +38,7 @@ fn the_architecture_page_stays_short() {
     assert!(count < 400, "ARCHITECTURE.md:{count}: 400 lines are the limit");
 }
 
-/// The pages for people, with their names.
+/// The documentation pages, with their names.
 fn pages() -> Vec<(PathBuf, String)> {
     let pages = files(&root(), ".md").into_iter();
     pages

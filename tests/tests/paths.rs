@@ -1,5 +1,5 @@
-//! Paths: relative ones lead to the same place wherever a command is given, those that are not UTF-8 work like any other, and a
-//! run folder is replaced only when that is asked for.
+//! Paths: relative ones resolve to the same file from every working directory, paths that are not UTF-8 work like any other, and a run
+//! folder is replaced only on request.
 
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
@@ -12,7 +12,7 @@ use escapement_tests::program::{
 };
 use escapement_tests::world::oscillator;
 
-/// `orchestrator` with `arguments`, given in `folder`.
+/// Runs `orchestrator` with `arguments` in the working directory `folder`.
 fn given_in(folder: &Path, arguments: &[&OsStr]) -> Said {
     let mut command = Command::new(orchestrator());
     command.args(arguments).current_dir(folder).stdin(Stdio::null());
@@ -29,7 +29,7 @@ fn digest(said: &Said) -> String {
     said.json()["tape_digest"].as_str().unwrap().to_owned()
 }
 
-/// The oscillator with a damper that a script beside the scenario starts: the shell gets the script's relative path.
+/// The oscillator with a damper started by a script in the scenario's folder: the shell gets the script's relative path.
 fn scripted(folder: &Folder) -> PathBuf {
     folder.write("damper.sh", &format!("exec \"{}\"\n", participant("damper").display()));
     let scenario = oscillator(folder, "damper");
@@ -57,11 +57,11 @@ fn scenario_and_its_plan_run_from_everywhere() {
     let tape = run(Path::new("/"), &scenario, "root");
     assert_eq!(run(folder.path(), Path::new("scripted.toml"), "beside"), tape);
     assert_eq!(run(elsewhere.path(), &scenario, "third"), tape);
-    // plan.toml is a scenario: it says the same, wherever it lies and wherever it is run.
+    // plan.toml is a scenario: it means the same wherever it is and wherever it is run.
     for (place, name) in [("root", "again"), ("beside", "once-more")] {
         assert_eq!(run(Path::new("/"), &out(place).join("plan.toml"), name), tape);
     }
-    // What goes on from a run, or is run again, finds the same files.
+    // A resumed or repeated run finds the same files.
     let saved = out("saved");
     let arguments = [
         "run",
@@ -82,7 +82,7 @@ fn scenario_and_its_plan_run_from_everywhere() {
     assert_eq!(digest(&given_in(Path::new("/"), &os(&arguments))), tape);
     let arguments = ["replay", text(&saved), "--participant", "damper"];
     assert_eq!(given_in(Path::new("/"), &os(&arguments)).code, Some(0));
-    // What is an argument of the command itself is relative to where the command is given.
+    // An argument of the command itself is relative to the working directory of the command.
     std::fs::create_dir(out("bin")).unwrap();
     std::fs::copy(participant("damper"), out("bin/mine")).unwrap();
     let arguments = [
@@ -138,7 +138,7 @@ fn path_that_is_not_utf8_works_like_any_other() {
     assert_eq!(said(&[word("check"), scenario]).code, Some(0));
     let replayed = said(&[word("replay"), out, word("--participant"), word("plant")]);
     assert_eq!(replayed.code, Some(0), "{replayed:?}");
-    // A sweep hands the paths to its workers.
+    // A sweep passes the paths to its workers.
     let swept = said(&[
         word("sweep"),
         scenario,
@@ -203,7 +203,7 @@ fn sweep_over_decimal_numbers_runs_all_of_its_points() {
             .unwrap()
             .contains("position = 0.0")
     );
-    // Seeds of more digits than a double has stand in the table as they were.
+    // Seeds with more digits than a double has are in the table unchanged.
     let table = sweep("seeds", "seed=9007199254740993..9007199254740994,9223372036854775807");
     for seed in ["9007199254740993", "9007199254740994", "9223372036854775807"] {
         assert!(
@@ -241,7 +241,7 @@ fn refused_run_leaves_nothing_and_force_replaces_a_run() {
         "participants.damper.run={{ exe = \"{}\" }}",
         participant("wrong_descriptor").display()
     );
-    // The program itself has to be asked: the folder is there by then.
+    // The program itself must be queried: the folder exists by then.
     let said = run(&wrong, &[]);
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(!folder.path().join("runs").exists());
@@ -252,7 +252,7 @@ fn refused_run_leaves_nothing_and_force_replaces_a_run() {
         said.err.contains("not empty") && said.err.contains("--force"),
         "{said:?}"
     );
-    // A run that is refused does not replace the one that is there, and leaves no trace in its folder.
+    // A rejected run does not replace an existing one, and leaves no trace in its folder.
     let names = || {
         let mut names: Vec<OsString> = std::fs::read_dir(&out)
             .unwrap()
@@ -273,7 +273,7 @@ fn refused_run_leaves_nothing_and_force_replaces_a_run() {
     let delayed = digest(&run("connections.push.delay=5ms", &["--force"]));
     assert_ne!(delayed, first);
     assert_eq!((summary(), names()), (delayed.as_str().into(), before));
-    // What is read is not replaced, and neither is anything but a run.
+    // An input of the command is not replaced, nor is anything that is not a run.
     let arguments = [
         "replay",
         text(&out),

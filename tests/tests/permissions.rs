@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use escapement_tests::program::{Folder, finish, orchestrate, orchestrator, root, text};
 use escapement_tests::world::oscillator;
 
-/// A run that lasts until it is told to end, started with every permission for everybody.
+/// A run that lasts until it is ended, started with all permissions for all users.
 struct Running {
     child: Child,
     folder: PathBuf,
@@ -41,7 +41,7 @@ impl Running {
             files,
         };
         let started = Instant::now();
-        // Both participants run, so everything that a run has is there.
+        // Both participants run, so all files and objects of the run exist.
         loop {
             let addresses = addresses(running.child.id());
             let samples = fs::metadata(running.files.path().join("run/tape/plant.motion.bin"));
@@ -55,7 +55,7 @@ impl Running {
         }
     }
 
-    /// Everything of the run: its folder with what is in it, and its objects in shared memory.
+    /// All files of the run: its folder with its content, and its objects in shared memory.
     fn objects(&self) -> Vec<PathBuf> {
         let mut found = vec![self.folder.clone()];
         let mut at = 0;
@@ -86,7 +86,7 @@ impl Drop for Running {
     }
 }
 
-/// What the children of `parent` have in their environment as the run's address.
+/// The run's address in the environment of the children of `parent`.
 fn addresses(parent: u32) -> Vec<String> {
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let processes = entries.filter(|entry| entry.file_name().to_string_lossy().parse::<u32>().is_ok());
@@ -114,8 +114,8 @@ fn nothing_of_a_run_is_for_others() {
         .filter(|path| path.parent() == Some(Path::new("/dev/shm")))
         .count();
     assert!(memory >= 10 && objects.len() - memory >= 5, "{objects:?}");
-    // The folder can be entered by its owner alone, so what is in it is out of reach; it and every object that stands outside
-    // of it must refuse others by itself.
+    // Only its owner can enter the folder, so its content is out of reach; the folder and every object outside it must deny access to
+    // other users by themselves.
     let mut open = Vec::new();
     for path in &objects {
         let Ok(about) = fs::symlink_metadata(path) else {
@@ -128,14 +128,14 @@ fn nothing_of_a_run_is_for_others() {
         }
         assert!(!about.file_type().is_block_device());
     }
-    // What the run leaves behind stands below a folder that others cannot enter.
+    // Everything that the run leaves behind is below a folder that other users cannot enter.
     let kept = running.files.path().join("run");
     let mode = fs::metadata(&kept).expect("the run folder is there").mode();
     if mode & 0o077 != 0 {
         open.push(format!("{} has mode {:o}", kept.display(), mode & 0o7777));
     }
     objects.push(kept.join("tape"));
-    // As root it can be tried: nobody gets in.
+    // As root the access can be tried: it is denied.
     if rustix::process::getuid().is_root() {
         for path in &objects {
             for test in ["-r", "-w"] {
@@ -152,7 +152,7 @@ fn nothing_of_a_run_is_for_others() {
     assert!(open.is_empty(), "{}", open.join("\n"));
 }
 
-/// Runs the orchestrator as another user, who needs no rights. `None` where that cannot be done.
+/// Runs the orchestrator as another user, without privileges. `None` where that is impossible.
 fn as_nobody(arguments: &[&str]) -> Option<std::process::Output> {
     let user = ["--reuid=65534", "--regid=65534", "--clear-groups"];
     let setpriv = || {
@@ -177,7 +177,7 @@ fn as_nobody(arguments: &[&str]) -> Option<std::process::Output> {
 fn folders_of_another_user_do_not_block_a_run() {
     let files = Folder::new("guessed");
     let scenario = oscillator(&files, "damper");
-    // What could be guessed: a name made of the number of a user, held by another user for each of the two.
+    // Guessable names: a name made from the number of a user, held by another user for each of the two.
     let guessed = ["esc-0", "esc-65534"].map(|name| Path::new("/dev/shm").join(name));
     for (folder, owner) in guessed.iter().zip([65534, 0]) {
         let _ = fs::create_dir(folder);

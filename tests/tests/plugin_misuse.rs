@@ -1,5 +1,5 @@
-//! What can be wrong with a table of functions or a library: each time one clear error, with file, line, participant and remedy, and
-//! never the end of the program that runs the others.
+//! Mistakes in a function table or a library: each gives one clear error, with file, line, participant and remedy, and never ends the
+//! host program.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -12,13 +12,13 @@ fn workshop() -> &'static Workshop {
     SHOP.get_or_init(|| Workshop::open("misuse"))
 }
 
-/// The participant that does `misuse` as a plug-in.
+/// The participant with the mistake `misuse`, as a plug-in.
 fn misuse(misuse: &str) -> PathBuf {
     let define = format!("-DMISUSE=\"{misuse}\"");
     workshop().plugin("tests/plugins/misuse.c", &format!("lib{misuse}.so"), &[&define])
 }
 
-/// A scenario with one participant, `counter`, whose `run` stands in line 4.
+/// A scenario with one participant, `counter`, whose `run` is in line 4.
 fn scenario(folder: &Folder, run: &str) -> PathBuf {
     let text = format!(
         "title = \"One participant\"\nduration = \"1 s\"\n[participants.counter]\nrun = {run}\nperiod = \"10 ms\"\n"
@@ -32,7 +32,7 @@ fn run(folder: &Folder, scenario: &Path, how: &[&str]) -> Said {
     orchestrate(&[&["run", text(scenario), "--quiet", "--out", text(&out)], how].concat())
 }
 
-/// Runs a library in a process of its own and in this one, and expects `code` and all of `words` each time.
+/// Runs a library in a separate process and in this one, and expects `code` and all of `words` each time.
 fn refused(library: &Path, code: i32, words: &[&str]) {
     let folder = Folder::new("misuse");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(library)));
@@ -148,7 +148,7 @@ fn program_with_an_unusable_table_is_refused_by_its_name() {
         for word in [word, "one.toml:4", "counter"] {
             assert!(said.err.contains(word), "{said:?}");
         }
-        // Nobody has started it for a run.
+        // The participant was not started for a run.
         let alone = std::process::Command::new(&program)
             .output()
             .expect("it can be started");
@@ -238,7 +238,7 @@ fn files_that_are_no_plugin_are_refused_with_their_place() {
         2,
         &place(&["no function `escapement_plugin`", "ESCAPEMENT_PLUGIN"]),
     );
-    // A plug-in that still has its main looks for the host of a program.
+    // A plug-in that still has its main requires the host of a program.
     let with_main = shop.plugin("tests/plugins/misuse.c", "libmain.so", &["-DMISUSE=\"nothing\""]);
     let mut bytes = std::fs::read(&with_main).expect("it was just made");
     // Of another machine: e_machine is 183, AArch64, or 62 where this is one.
@@ -361,7 +361,7 @@ fn header_says_what_the_library_does() {
         )
     };
     compile("cc", "-std=c11", &source);
-    // Both headers stand alone, and once more in one file, in every language that they are for.
+    // Both headers compile alone, and together in one file, in every language that they support.
     for (name, compiler, standards, header) in [
         ("alone.c", "cc", &["-std=c11", "-std=c17"][..], "escapement.h"),
         ("alone.cpp", "c++", &["-std=c++17", "-std=c++20"], "escapement.h"),

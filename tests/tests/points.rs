@@ -1,4 +1,4 @@
-//! Points of a campaign: run again alone, kept, enough of them, and more of them.
+//! Points of a campaign: repeated alone, kept, sufficient in number, and extended.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn point_runs_alone_with_the_digest_that_it_had() {
     let folder = Folder::new("point");
     let out = |name: &str| folder.path().join(name);
     let rows = close(&out("sweep"), &[&DELAYS[..], &["--json", "--digest"]].concat()).json()["rows"].clone();
-    // Another system, whose participants are programs of their own.
+    // Another system, whose participants are separate programs.
     let scenario = oscillator(&folder, "damper");
     let other = out("other");
     let arguments = [
@@ -55,7 +55,7 @@ fn point_runs_alone_with_the_digest_that_it_had() {
         assert_eq!(summary(&run)["tape_digest"], row["tape_digest"]);
         assert!(run.join("tape/index.json").is_file());
     }
-    // With a change it is another run, and nothing is compared.
+    // With a change it is a different run, and nothing is compared.
     let run = out("changed");
     let said = orchestrate(&[
         "run",
@@ -69,7 +69,7 @@ fn point_runs_alone_with_the_digest_that_it_had() {
     ]);
     assert!(said.err.is_empty(), "{said:?}");
 
-    // A scenario that has changed since then gives another tape, and the message says why.
+    // If the scenario has changed since then, the tape differs, and the message states why.
     let stock = std::fs::read_to_string(&scenario).unwrap();
     std::fs::write(&scenario, stock.replace("10 s", "9 s")).unwrap();
     let run = out("later");
@@ -117,21 +117,21 @@ fn kept_folders_are_those_that_were_asked_for() {
         let own = figures.iter().find(|(key, _)| key.starts_with("peak_base_torque"));
         own.and_then(|(_, value)| value.as_f64())
     };
-    // Of several alike the first.
+    // Of several equal ones the first.
     let worst = (0..3)
         .rev()
         .max_by(|a, b| torque(&rows[*a]).unwrap().total_cmp(&torque(&rows[*b]).unwrap()));
     assert_eq!(runs(&out), [format!("{:05}", worst.unwrap() + 1)]);
     let run = out.join("runs").join(&runs(&out)[0]);
     assert!(summary(&run)["tape_digest"].is_string() && rows[worst.unwrap()]["tape_digest"].is_null());
-    // More are kept later, and nothing but those is run again.
+    // More points are kept later, and only those are run again.
     let lines = std::fs::read(out.join("results.jsonl")).unwrap();
     let said = close(&out, &[&DELAYS[..], &["--quiet", "--keep"]].concat());
     assert_eq!(said.code, Some(0), "{said:?}");
     assert_eq!(runs(&out), ["00001", "00002", "00003"]);
     assert_eq!(std::fs::read(out.join("results.jsonl")).unwrap(), lines);
 
-    // Those that failed, of another system.
+    // Failed points, of another system.
     let scenario = oscillator(&folder, "damper");
     let exe = |name: &str| {
         format!(
@@ -181,10 +181,10 @@ fn campaign_ends_as_soon_as_enough_is_known() {
     let first = (points("one"), table("one"));
     // None of n is met: the interval's half width is z² / 2 (n + z²), which is 12 % from n = 13 on.
     assert_eq!(first.0, 13);
-    // Several workers are some points ahead: the table ends where it ends.
+    // Several workers are some points ahead: the table ends at the same point.
     run("three", "3", &until);
     assert_eq!(table("three"), first.1);
-    // Without an end the rest comes, and what is there is not run again.
+    // Without an end the remaining points are run, and the existing ones are not run again.
     run("one", "2", &[]);
     assert_eq!(points("one"), 40);
     let journal = std::fs::read_to_string(out("one/results.jsonl")).unwrap();
@@ -224,7 +224,7 @@ fn campaign_that_grows_runs_what_is_new_alone() {
         said.err.contains("has 9 points and not 4") && said.err.contains("--out"),
         "{said:?}"
     );
-    // A grid whose first points are others has not grown.
+    // A grid whose first points differ is not an extension.
     let said = close(&out("grown"), &["--vary", "seed=2..20"]);
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(said.err.contains("the points are not the same"), "{said:?}");

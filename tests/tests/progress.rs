@@ -1,4 +1,4 @@
-//! How far a long run is, where nobody sits in front of a terminal.
+//! The progress of a long run without a terminal.
 
 use std::process::{Child, Command, Stdio};
 

@@ -1,11 +1,11 @@
-//! Property tests draw the same cases on every machine and leave no file in a checkout.
+//! Property tests use the same random cases on every machine and leave no file in a checkout.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use escapement_tests::program::root;
 
-/// All files below `folder`, build products and hidden folders left out.
+/// All files below `folder`, without build products and hidden folders.
 fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let (path, name) = (entry.path(), entry.file_name());

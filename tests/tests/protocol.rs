@@ -1,4 +1,4 @@
-//! The bytes that `docs/protocol.md` shows to writers of other languages are the bytes that travel.
+//! The bytes that `docs/protocol.md` documents for implementers in other languages are the bytes on the wire.
 
 use escapement_tests::parts::Damper;
 use escapement_tests::program::root;
@@ -26,7 +26,7 @@ fn hex(bytes: &[u8]) -> String {
     words.join(" ")
 }
 
-/// What the page shows, from the values themselves.
+/// The content of the page, computed from the values themselves.
 fn examples() -> Vec<(&'static str, Vec<u8>)> {
     let request = |request: Request| encode("a request", &request).unwrap();
     let reply = |reply: Reply| encode("a reply", &reply).unwrap();
@@ -99,7 +99,7 @@ fn the_examples_of_the_page_are_what_travels() {
     }
 }
 
-/// A reader that knows nothing but the page.
+/// A reader written only from the page.
 struct Plain<'a>(&'a [u8]);
 
 impl Plain<'_> {
@@ -264,7 +264,7 @@ fn the_outputs_read_as_the_page_says(plain: &mut Plain<'_>, plan: &Plan) {
     assert_eq!((plain.i64(), plain.i64(), plain.u8()), (0, 1, 0));
     assert_eq!(u64::from(plain.u32()), plan.links[1].capacity as u64);
     assert_eq!((plain.i64(), plain.u64()), (1000, 0));
-    // What input 0 shows is stream 2. A fault there: the velocity is stuck at 0.5 m/s from 0.3 s on.
+    // Input 0 is recorded as stream 2. A fault there: the velocity is stuck at 0.5 m/s from 0.3 s on.
     assert_eq!((plain.u64(), plain.u32(), plain.u32()), (1, 0, 2));
     assert_eq!((plain.u64(), plain.u64(), plain.u64()), (5, 3, 9));
     assert_eq!((plain.u64(), plain.text().as_str()), (1, "frozen"));
@@ -275,7 +275,7 @@ fn the_outputs_read_as_the_page_says(plain: &mut Plain<'_>, plan: &Plan) {
 }
 
 fn the_position_reads_as_the_page_says(plain: &mut Plain<'_>) {
-    // A position: activation 7, one sample on its way, a value of an input, what the outputs hold, the state.
+    // A position: activation 7, one sample in transit, a value of an input, the held outputs, the state.
     assert_eq!((plain.u8(), plain.u64()), (1, 7));
     assert_eq!(
         plain.list(|this| this.list(|this| (this.u64(), this.bytes()))),
@@ -309,7 +309,7 @@ fn turned() -> Conversion {
     }
 }
 
-/// A damper and something that gives it a motion, 1 s long.
+/// A damper and a source of motions for it, 1 s long.
 fn plan() -> Plan {
     let damper = Damper::default().interface();
     let Input { descriptor, .. } = damper.inputs[0].clone();

@@ -1,5 +1,5 @@
-//! Random plans with substitutions, declared faults, guards, measures, checkpoints and tapes that are not whole give one tape: in one loop with a folder, in memory with
-//! rests and a way back, without a tape, in processes, and resumed from a checkpoint.
+//! Random plans with substitutions, declared faults, guards, measures, checkpoints and partial tapes yield one tape: in one loop with a
+//! folder, in memory with pauses and restores, without a tape, in processes, and resumed from a checkpoint.
 
 use std::collections::HashSet;
 use std::fmt::Write;
@@ -14,7 +14,7 @@ use escapement_tests::program::{Folder, participant};
 use lockstep::random::Stream;
 use lockstep::time::Rational;
 
-/// Draws of one plan, one after the other.
+/// Consecutive random samples for one plan.
 struct Draws(Stream, u64);
 
 impl Draws {
@@ -28,7 +28,7 @@ impl Draws {
     }
 }
 
-/// What stands behind `run =` for a participant.
+/// The value of `run =` for a participant.
 fn program(name: &str, processes: bool) -> String {
     if processes {
         format!("{{ exe = \"{}\" }}", participant(name).display())
@@ -37,7 +37,7 @@ fn program(name: &str, processes: bool) -> String {
     }
 }
 
-/// A chain of an oscillator and dampers, of which the first pushes it, and everything that may happen to it.
+/// A chain of an oscillator and dampers, of which the first pushes it, with all kinds of random events.
 fn plan(draws: &mut Draws, processes: bool) -> String {
     let dampers = 1 + draws.below(3);
     let mut text = format!("duration = \"300 ms\"\nseed = {}\n", draws.below(1000));
@@ -61,7 +61,7 @@ fn plan(draws: &mut Draws, processes: bool) -> String {
             draws.of(&["last", "initial", "linear"]),
         );
         if draws.below(2) == 0 {
-            // The two fields on links of their own.
+            // The two fields on separate links.
             let _ = write!(
                 text,
                 "map = {{ velocity = \"velocity\" }}\n[connections.place-{number}]\nfrom = \"plant.motion.position\"\n\
@@ -98,7 +98,7 @@ fn plan(draws: &mut Draws, processes: bool) -> String {
         );
     }
     for _ in 0..2 + draws.below(5) {
-        // Not always at an activation, often at one that others have as well, and several of one participant.
+        // Not always at an activation, often at one shared with other participants, and several for one participant.
         let at = draws.of(&["0 s", "2 ms", "30 ms", "30 ms", "95 ms", "1/7 s", "210 ms", "277 ms"]);
         let (seat, name) = match draws.below(3) {
             0 => ("plant".to_owned(), "oscillator"),
@@ -117,7 +117,7 @@ fn plan(draws: &mut Draws, processes: bool) -> String {
             [measures.pushes]\nof = \"damper-0.push.count\"\ncompute = \"max\"\n"
 }
 
-/// What is kept of the samples; one plan in four keeps everything.
+/// The part of the samples that is recorded; one plan in four records everything.
 fn record(draws: &mut Draws) -> String {
     let part = |of: &str, part: &str| format!("{of} = {part}\n");
     let every = [
@@ -210,7 +210,7 @@ fn any_plan_gives_one_tape_however_it_is_executed() {
     assert_eq!(tapes.len(), 12, "what happens shows on the tape");
 }
 
-/// The tape of a run in memory that rests here and there and goes back twice.
+/// The tape of a run in memory that is paused at several instants and restored twice.
 fn rested(scenario: &Scenario, seed: u64) -> String {
     let options = Options {
         in_process: true,

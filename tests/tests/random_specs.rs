@@ -1,4 +1,4 @@
-//! Any scenario as a value is written as TOML and read again, and is the same.
+//! Any scenario value can be written as TOML and read again without a difference.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use lockstep::link::Hold;
 use lockstep::random::Stream;
 use toml::{Table, Value};
 
-/// Draws of one scenario, one after the other.
+/// Consecutive random samples for one scenario.
 struct Draws(Stream, u64);
 
 impl Draws {
@@ -33,7 +33,7 @@ impl Draws {
         }
     }
 
-    /// A name, such as TOML must put into quotes too.
+    /// A name, possibly one that TOML must quote.
     fn name(&mut self) -> String {
         let odd = ["a", "b-2", "with space", "quo\"te", "ü", "x_1"];
         format!("{}{}", odd[self.below(6) as usize], self.below(1000))
@@ -193,7 +193,7 @@ impl Draws {
             *table = self.maybe(|draws| draws.table(2));
         }
         for number in 0..self.below(4) {
-            // A part is one of a stream.
+            // A part is a part of a stream.
             let (of, part) = match self.below(3) {
                 0 => (format!("p{number}"), RecordSpec::Nothing),
                 1 => (format!("p{number}.out"), self.record()),
@@ -214,7 +214,7 @@ fn any_scenario_is_written_and_read_again() {
             ScenarioSpec::of_text(Path::new("any.toml"), &text).unwrap_or_else(|error| panic!("{error}\n{text}"));
         assert_eq!(again, spec, "seed {seed}:\n{text}");
         assert_eq!(again.to_text(), text, "seed {seed}");
-        // What was written differs in nothing from what was not.
+        // What was written is equal to the original.
         let mut changed = again;
         changed.set("title", spec.title.clone()).unwrap();
         assert_eq!(changed, spec, "seed {seed}");

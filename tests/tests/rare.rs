@@ -1,4 +1,4 @@
-//! Campaigns for a rare event: probabilities that are known, the same whatever happens on the way, and what is refused.
+//! Campaigns for a rare event: known probabilities, the same result after interruptions, and rejected input.
 
 use std::path::Path;
 use std::time::Instant;
@@ -41,7 +41,7 @@ fn beyond(x: f64) -> f64 {
     2.0 * sum
 }
 
-/// Two masses of which the left one starts somewhere.
+/// Two masses; the initial position of the left one is random.
 fn springs(folder: &Folder, more: &str) {
     let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
     folder.write(
@@ -50,7 +50,7 @@ fn springs(folder: &Folder, more: &str) {
     );
 }
 
-/// Table, journal in the order of its points, page and what is known of the event.
+/// Table, journal in the order of its points, page and the estimate of the event.
 fn files(folder: &Path) -> Vec<String> {
     let read =
         |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -68,7 +68,7 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
     let folder = Folder::new("rare");
     springs(&folder, "");
     let file = folder.write("rare.toml", CAMPAIGN);
-    // The system is linear: what the swing is for one start says what it is for all.
+    // The system is linear: the swing for one start determines the swing for all.
     let one = orchestrate(&[
         "run",
         text(&folder.path().join("springs.toml")),
@@ -97,7 +97,7 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
     assert!(known["points"].as_u64().unwrap() < 2000, "{known}");
     let centre = known["centre"].as_array().unwrap();
     assert_eq!(centre[0][0], "start");
-    // It may be too wide to either side; what nobody sees has nothing to do with it.
+    // It may be too wide to either side; samples that are not seen do not matter.
     assert!(centre[1][1].as_f64().unwrap().abs() < 1.0, "{centre:?}");
     let curve = known["exceedance"].as_array().unwrap();
     for point in curve {
@@ -117,7 +117,7 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
     );
     assert_eq!(files(&out("one")), files(&out("three")));
 
-    // Killed again and again, at any level.
+    // Killed repeatedly, at any level.
     let mut random = SplitMix(7);
     let begun = Instant::now();
     sweep("measured", &["--quiet"]);
@@ -136,7 +136,7 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
     }
     assert_eq!(files(&out("one")), files(&out("killed")), "after {kills} kills");
 
-    // A point again alone, with the same tape.
+    // A point repeated alone, with the same tape.
     let last = format!("{}:{}", text(&out("one")), known["points"]);
     let again = orchestrate(&["run", "--point", &last, "--in-process", "--out", text(&out("again"))]);
     assert!(
@@ -145,7 +145,7 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
     );
 }
 
-/// A program of its own, a limit from below, two dispersions, other shares: how often a lander begins too
+/// A separate program, a limit from below, two dispersions, other proportions: how often a lander starts too
 /// fast.
 #[test]
 fn lander_that_falls_too_fast_is_found_too() {
@@ -176,7 +176,7 @@ fn lander_that_falls_too_fast_is_found_too() {
     assert_eq!(said.code, Some(0), "{said:?}");
     let json = said.json();
     let (rows, known) = (json["rows"].as_array().unwrap(), &json["rare"]);
-    // It begins with 30 m/s, and nothing changes that in 5 ms.
+    // The initial speed is 30 m/s, and nothing changes it within 5 ms.
     let truth = beyond(10.0 / 3.0) / 2.0;
     let [low, high] = [0, 1].map(|at| known["interval"][at].as_f64().unwrap());
     assert!(
@@ -251,7 +251,7 @@ fn what_cannot_be_is_refused() {
     );
     refused(CAMPAIGN, &["--on", "shell"], &["--on"]);
 
-    // A folder alone does not say how such a campaign goes on.
+    // A folder alone does not determine how such a campaign continues.
     let file = folder.write("rare.toml", CAMPAIGN);
     let made = folder.path().join("made");
     let said = orchestrate(&["sweep", text(&file), "--out", text(&made), "--quiet", "--points", "100"]);

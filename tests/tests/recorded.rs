@@ -1,5 +1,5 @@
-//! `[record]`: what a scenario keeps of its samples. What is kept is what it always was, figures do not change, and what would need the rest is
-//! refused.
+//! `[record]`: the samples that a scenario records. The recorded samples are unchanged, figures do not change, and what needs the other
+//! samples is rejected.
 
 use std::path::Path;
 
@@ -63,7 +63,7 @@ fn what_is_kept_is_what_it_was_in_every_way_of_running() {
             assert_eq!(whole[name][stamp], *payload, "{name} at {}", f64::from_bits(*stamp));
         }
     }
-    // A campaign has the tape of the run.
+    // A campaign has the same tape as the run.
     let scenario = root().join("scenarios/close.toml");
     let common = [
         "sweep",
@@ -131,7 +131,7 @@ fn what_needs_the_rest_is_refused() {
     assert_eq!(replayed.code, Some(2), "{replayed:?}");
     let words = "`record` leaves out samples of `plant.motion`";
     assert!(replayed.err.contains(words), "{replayed:?}");
-    // What was recorded whole can go on without being so.
+    // A run that was recorded completely can continue with a partial record.
     let again = ["--set", "record.plant.motion=true", "--checkpoint-at", "4 s"];
     assert_eq!(world.run("saved", &again).code, Some(0));
     let said = world.resume("saved", "on", &["--set", "record.plant.motion={ every = \"5 ms\" }"]);
@@ -221,7 +221,7 @@ fn exports_choose_streams_fields_and_times() {
     let said = orchestrate(&["export", text(&out), "--to", "csv", "--of", "plant.truth.nope"]);
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(said.err.contains("has no field `nope`"), "{said:?}");
-    // What the file is of stands in it.
+    // The file contains the digest of its tape and its scenario.
     let said = orchestrate(&[
         "export",
         text(&out),

@@ -1,5 +1,5 @@
-//! Runs whose scenario leaves samples out of the tape (`[record]`) are resumed, branched, restarted and substituted like others: what they need of
-//! the rest is in the checkpoint.
+//! Runs whose scenario leaves samples out of the tape (`[record]`) are resumed, branched, restarted and substituted like others: the
+//! checkpoint holds what they need of the missing samples.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use escapement_tests::world::{World, substitution};
 use rustix::process::Signal;
 use serde_json::Value;
 
-/// The oscillator with delays, a line between samples, values that stick, a guard and measures, most of which the tape does not have.
+/// The oscillator with delays, a line between samples, stuck values, a guard and measures, most of which are not on the tape.
 fn leaky(name: &str, damper: &str, more: &str) -> World {
     let tables = r#"
 [record]
@@ -68,7 +68,7 @@ kind = "stuck"
     world
 }
 
-/// Everything is kept.
+/// Everything is recorded.
 const WHOLE: [&str; 6] = [
     "--set",
     "record.plant.motion=true",
@@ -85,14 +85,14 @@ fn figures(run: &Path) -> Value {
     summary["measures"].clone()
 }
 
-/// Both runs have the same tape and the same figures.
+/// Checks that both runs have the same tape and the same figures.
 fn same(a: &Path, b: &Path) {
     let said = orchestrate(&["compare", text(a), text(b)]);
     assert_eq!(said.code, Some(0), "{said:?}");
     assert_eq!(figures(a), figures(b), "{} and {}", a.display(), b.display());
 }
 
-/// The tape in `part` has what the one in `whole` has, as far as it is kept, and the figures are the same.
+/// Checks that the tape in `part` has the recorded part of the one in `whole`, and that the figures are the same.
 fn thinned(whole: &Path, part: &Path) {
     assert_eq!(figures(whole), figures(part), "{}", part.display());
     let (whole, part) = (samples(whole), samples(part));
@@ -131,7 +131,7 @@ fn resumed_without_the_rest_it_is_the_same_run() {
     let said = world.resume("334 ms", "again", &[]);
     assert_eq!(said.code, Some(0), "{said:?}");
     same(&path("plain"), &path("again"));
-    // What went on from a tape with everything on it keeps less, and can be gone on from as well.
+    // A run that continues from a complete tape may record less, and can be continued as well.
     let less = [
         "--set",
         "record.plant.motion={ every = '5 ms', from = '1 s', to = '8 s' }",
@@ -177,7 +177,7 @@ fn branch_without_the_rest_is_the_branch_of_the_whole_run() {
             figures(&world.path("saved"))
         );
     }
-    // Limits may change; what would have needed samples that nobody has cannot.
+    // Limits may change; a measure that would have needed samples which were not recorded cannot.
     let refused = |change: &str, parts: &[&str]| {
         let said = world.resume("saved", "no", &["--from", "4 s", "--set", change]);
         assert_ne!(said.code, Some(0), "{change}: {said:?}");
@@ -229,7 +229,7 @@ fn restarted_without_the_rest_it_is_the_same_run() {
             &policy,
         ];
         let mut child = start(&all);
-        // At 4.5 s of 10, while values stick and are not on the tape.
+        // At 4.5 s of 10, while values are stuck and are not on the tape.
         wait_for_bytes(&mut child, &out.join("tape/plant.motion.bin"), 24 * 700);
         let pid = writer_of(&out.join("log").join(format!("{who}.stderr"))).expect("the participant runs");
         assert!(signal(pid, Signal::KILL));
@@ -254,7 +254,7 @@ fn substituted_without_the_rest_it_is_the_same_run() {
     same(&other.path("plain"), &world.path("run"));
     assert_eq!(world.resume("run", "resumed", &["--from", "3 s"]).code, Some(0));
     same(&other.path("plain"), &world.path("resumed"));
-    // From afresh, after a failure, it is what the run that keeps everything has.
+    // Restarted from the beginning after a failure, the run equals the one that records everything.
     let world = leaky("recorded-crash", "crash_at", "");
     let good = participant("damper").display().to_string();
     let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");
@@ -270,7 +270,7 @@ fn substituted_without_the_rest_it_is_the_same_run() {
     thinned(&world.path("whole"), &world.path("part"));
 }
 
-/// Two masses of the program's own, of which nothing and a window is kept; and a capture with figures of its own.
+/// Two masses of the stock program, of which nothing and a window are recorded, respectively; and a capture, with its own figures.
 #[test]
 fn builtins_are_taken_up_without_the_rest_in_both_ways() {
     let folder = Folder::new("recorded-builtins");

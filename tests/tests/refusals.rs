@@ -1,9 +1,9 @@
-//! Whatever is wrong with a scenario is refused before anything starts: exit code 2, the file, the line, the key, the remedy, and
-//! no run folder.
+//! Every mistake in a scenario is rejected before anything starts: exit code 2, the file, the line, the key, the remedy, and no run
+//! folder.
 
 use escapement_tests::program::{Folder, orchestrate, root, text};
 
-/// Runs the close capture with `from` replaced by `to`; all of `expected` must be in the message.
+/// Runs the close capture with `from` replaced by `to`; the message must contain all of `expected`.
 fn refused(from: &str, to: &str, expected: &[&str]) {
     let folder = Folder::new("refused");
     let stock = std::fs::read_to_string(root().join("scenarios/close.toml")).unwrap();
@@ -155,7 +155,7 @@ fn overrides_are_checked_like_the_file() {
     refused_with("nonsense", &["KEY.PATH=VALUE"]);
 }
 
-/// A file is read in stages, of which each needs what the one before it found: sections, parameters, plan.
+/// A file is read in stages, each of which needs the result of the previous one: sections, parameters, plan.
 #[test]
 fn all_mistakes_of_a_stage_are_named_at_once() {
     let scenario = root().join("scenarios/close.toml");
@@ -211,7 +211,7 @@ to = "a.from"
     for part in ["algebraic loop at t = 0 s", "a -> b -> a", "`there`", "`back`", "delay"] {
         assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
     }
-    // Members that never meet at an instant form no loop; neither does a circle with a delay in it.
+    // Members without a common instant form no loop; neither does a cycle with a delay in it.
     for cure in ["participants.b.offset=0.5ms", "connections.back.delay=1us"] {
         let said = orchestrate(&["check", text(&scenario), "--set", cure]);
         assert_eq!(said.code, Some(0), "{cure}: {said:?}");
@@ -300,7 +300,7 @@ fn gains_that_do_not_fit_the_controller() {
     );
 }
 
-/// What was proved of gains was proved of one robot and one period: `check` says when they are used with another.
+/// The certificate of gains holds for one robot and one period: `check` reports when they are used with another.
 #[test]
 fn gains_of_another_robot_are_warned_of() {
     let scenario = root().join("scenarios/close.toml");
@@ -323,7 +323,7 @@ fn gains_of_another_robot_are_warned_of() {
             text(&file)
         ))
     };
-    // What is drawn differently is the same robot; what weighs differently is not.
+    // A robot that is only drawn differently is the same; one with other masses is not.
     let painted = with("painted.urdf", format!("{urdf}\n<!-- another coat of paint -->\n"));
     assert_eq!(
         (painted.code, painted.err.contains("warning")),
@@ -341,7 +341,7 @@ fn gains_of_another_robot_are_warned_of() {
     );
 }
 
-/// Every instant and every stretch of time on the command line: negative, zero, after the end, and what is no number.
+/// Every instant and every time span on the command line: negative, zero, after the end, and not a number.
 #[test]
 fn time_outside_the_run_is_refused_with_option_and_value() {
     let scenario = root().join("scenarios/close.toml");
@@ -396,7 +396,7 @@ fn time_outside_the_run_is_refused_with_option_and_value() {
     assert!(said.err.contains("--from"), "{said:?}");
 }
 
-/// What lies behind the end of a run that was shortened is no mistake, but it is told.
+/// Events after the end of a shortened run are no mistake, but they are reported.
 #[test]
 fn fault_and_offset_behind_the_end_are_warned_of() {
     let scenario = root().join("scenarios/close.toml");
@@ -452,7 +452,7 @@ fn a_panel_of_signals_that_are_not_there() {
             &["changed.toml:5: report.panels.1.curve", "unknown field"],
         ),
     ] {
-        // At the head of the file, on a line of its own.
+        // At the head of the file, on a separate line.
         let panel = panel.replace('\n', ", ");
         refused(
             "title = ",

@@ -1,4 +1,4 @@
-//! One participant of a recorded run again: the same samples, the first one that is not, and what cannot be replayed.
+//! The replay of one participant of a recorded run: equal samples, the first one that differs, and what cannot be replayed.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use escapement_tests::machine::processes_of;
 use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, text};
 use escapement_tests::world::oscillator;
 
-/// Runs a scenario into `folder/run` and gives that folder.
+/// Runs a scenario into `folder/run` and returns that folder.
 fn recorded(folder: &Folder, scenario: &Path, more: &[&str]) -> PathBuf {
     let out = folder.path().join("run");
     let mut arguments = vec!["run", text(scenario), "--out", text(&out), "--quiet"];
@@ -24,7 +24,7 @@ fn replay(run: &Path, who: &str, more: &[&str]) -> Said {
     orchestrate(&arguments)
 }
 
-/// The close capture, with everything that a link can do to a sample.
+/// The close capture, with every effect that a link can have on a sample.
 fn capture(folder: &Folder) -> PathBuf {
     let settings = [
         "duration=3s",
@@ -73,7 +73,7 @@ fn another_parameter_is_found_at_the_first_sample_that_it_changes() {
         let said = replay(&run, "guidance", &[&set[..], process].concat());
         assert_eq!(said.code, Some(3), "{said:?}");
         let first = said.json()["comparison"]["first"].clone();
-        // The set-point leaves its start after 1 s in one and after 1.5 s in the other: until then they are the same.
+        // The set-point leaves its start after 1 s in one run and after 1.5 s in the other: until then the samples are equal.
         let at = first["stamp_s"].as_f64().expect("a stamp");
         assert!((1.0..1.1).contains(&at), "{first}");
         let fields = said.json()["comparison"]["fields"].clone();
@@ -130,7 +130,7 @@ fn a_crash_happens_again_where_it_happened() {
         "{said:?}"
     );
     assert_eq!(said.json()["comparison"]["samples"], 200, "{said:?}");
-    // The healthy program in its place goes on past the instant of the crash.
+    // The healthy program in its place continues past the instant of the crash.
     let healthy = participant("damper");
     let said = replay(&run, "damper", &["--exe", text(&healthy)]);
     assert_eq!(identical(&said), 200);
@@ -215,7 +215,8 @@ fn a_debugger_has_time_before_the_first_step() {
     assert!(said.out.contains("identical: 100 samples"), "{said:?}");
 }
 
-/// What was before a branch was made by another plan: where that shows the replay is refused, where it does not it is one like any other.
+/// The part before a branch was recorded with another plan: if that affects the participant, the replay is rejected; otherwise it works
+/// as usual.
 #[test]
 fn branch_is_replayed_where_its_own_plan_made_it() {
     let folder = Folder::new("replay-branch");
@@ -246,9 +247,9 @@ fn branch_is_replayed_where_its_own_plan_made_it() {
     ] {
         assert!(said.err.contains(part), "{said:?}");
     }
-    // The law of the controller is the same all along, and its inputs are on the tape.
+    // The control law is the same throughout, and the inputs are on the tape.
     assert!(identical(&replay(&branch, "controller", &[])) > 0);
-    // A run that goes on from the branch is one too. Where a change is asked for, the difference is told.
+    // The same holds for a run that continues from the branch. Where a change is requested, the difference is reported.
     let again = folder.path().join("again");
     resume(&branch, &again, &[]);
     assert_eq!(replay(&again, "guidance", &[]).code, Some(2));

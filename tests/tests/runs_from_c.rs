@@ -1,4 +1,4 @@
-//! Runs that a program in C drives.
+//! Runs driven by a program in C.
 
 use std::process::Command;
 use std::sync::OnceLock;
@@ -11,7 +11,7 @@ fn workshop() -> &'static Workshop {
     WORKSHOP.get_or_init(|| Workshop::open("callers"))
 }
 
-/// The mass of the example by hand: position after 2 s, and the farthest one.
+/// The mass of the example, computed by the test: position after 2 s, and the farthest one.
 fn shaken() -> (f64, f64) {
     let (mut position, mut velocity, mut farthest) = (0.02_f64, 0.0, 0.02_f64);
     for step in 0..2000 {
@@ -127,7 +127,7 @@ fn header_of_runs_says_what_the_library_does() {
     let source = folder.write("layout.c", &text);
     let include = workshop().path("prefix/include");
     for (compiler, standard) in [("cc", "-std=c11"), ("c++", "-std=c++17")] {
-        // In C++ the header alone.
+        // In C++ the header alone is used.
         let source = if compiler == "cc" {
             source.clone()
         } else {

@@ -1,5 +1,5 @@
-//! Runs that are driven from code: the same tape however they are executed and however often they rest; inputs that are set; futures
-//! that are tried and left.
+//! Runs driven from code: the same tape however they are executed and however often they are paused; inputs that are set; futures that
+//! are tried and discarded.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,7 +12,7 @@ use escapement_tests::program::{Folder, participant};
 use lockstep::participant::Factory;
 use lockstep::time::Rational;
 
-/// An oscillator with `damper`, or with a push that nobody gives.
+/// An oscillator with `damper`, or with an unconnected push.
 fn scenario(processes: bool, damped: bool, more: &str) -> Scenario {
     let catalogue = Catalogue::new("tests")
         .participant("oscillator", Oscillator::factory)
@@ -45,7 +45,7 @@ fn into_folder(folder: &Folder, name: &str, in_process: bool) -> Options {
     }
 }
 
-/// The digest and the last position of a run that came to its end.
+/// The digest and the last position of a run that reached its end.
 fn ended(run: Run) -> (String, Outcome) {
     let outcome = run.end().expect("a summary");
     assert_eq!(outcome.ending, Ending::Complete);
@@ -56,7 +56,7 @@ fn position(run: &Run) -> f64 {
     run.newest("plant.motion").unwrap().get::<Motion>().unwrap().position
 }
 
-/// All ways to keep what a run records, in one process and in processes.
+/// All kinds of record, in one process and in processes.
 fn ways(folder: &Folder, name: &str) -> Vec<(bool, Options)> {
     vec![
         (false, inside(Record::Memory)),
@@ -121,7 +121,7 @@ fn loop_that_is_closed_from_code_is_the_same_everywhere_and_is_repeated() {
         tapes[0],
         "the input is seen"
     );
-    // The events of the tape say what was set, so that a replay sets it again.
+    // The events of the tape contain the inputs that were set, so that a replay sets them again.
     let root: PathBuf = folder.path().join("closed-inside");
     let events = std::fs::read_to_string(root.join("tape/events.jsonl")).unwrap();
     assert_eq!(events.matches("\"input\"").count(), 8, "{events}");
@@ -152,7 +152,7 @@ fn future_that_was_left_is_not_on_the_tape() {
         run.run_to("0.5 s").unwrap();
         let (here, before) = (run.save().unwrap(), position(&run));
         assert_eq!(here.time(), "0.5 s".parse().unwrap());
-        // To the very end, and to somewhere in between.
+        // To the end, and to an instant in between.
         run.set("plant.push", &push(3.0)).unwrap();
         run.run_to("2 s").unwrap();
         let strong = position(&run);
@@ -216,7 +216,7 @@ fn shared_memory() -> Vec<String> {
     names.filter(|name| name.starts_with("esc")).collect()
 }
 
-/// How many processes this one has started that are still there.
+/// The number of child processes that still exist.
 fn children() -> usize {
     let parent = format!("PPid:\t{}\n", std::process::id());
     let entries = std::fs::read_dir("/proc").unwrap().flatten();
@@ -307,7 +307,7 @@ fn programs_that_a_catalogue_knows_run_in_this_process() {
         move |program: &Program| (program.file() == Some(&*file)).then(|| -> Factory { Arc::new(Oscillator::factory) });
     let here = read(Catalogue::new("tests").within(within));
     let outcome = engine::run::run(&here, &inside(Record::Digest)).unwrap();
-    // Without that way the program is what it is, and with it, too, where everybody has a process.
+    // Without `within` the program stays a separate one, and also with it if every participant has a process.
     let refused = engine::run::run(&read(Catalogue::new("tests")), &inside(Record::Digest))
         .err()
         .unwrap();

@@ -1,4 +1,4 @@
-//! Machines with too little of something: said before anything starts where it can be known, and an ordinary end elsewhere.
+//! Machines with insufficient resources: reported before anything starts where that is possible, otherwise an orderly end.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -8,10 +8,10 @@ use escapement_tests::program::{Folder, Said, finish, orchestrator, participant,
 use escapement_tests::world::{World, oscillator};
 use rustix::process::Signal;
 
-/// Runs `script` with a shared memory of `size` of its own; `$1` is the program, `$2` the folder. `None` where the system does not
-/// allow that.
+/// Runs `script` with a private shared memory of `size`; `$1` is the program, `$2` the folder. `None` where the system does not allow
+/// that.
 fn in_little_memory(size: &str, folder: &Folder, script: &str) -> Option<Said> {
-    // Without privileges a namespace of users comes first.
+    // Without privileges a user namespace is needed first.
     let flags = ["-m", "-rm"].into_iter().find(|flags| {
         let mount = "mount -t tmpfs none /dev/shm";
         let tried = Command::new("unshare")
@@ -45,7 +45,7 @@ fn in_little_memory(size: &str, folder: &Folder, script: &str) -> Option<Said> {
     Some(said)
 }
 
-/// A ring of `count` relays for a moment.
+/// A ring of `count` relays for a short time.
 fn ring(folder: &Folder, count: usize) {
     let mut text = String::from("duration = \"50 ms\"\n");
     for number in 0..count {
@@ -87,7 +87,7 @@ fn too_little_shared_memory_is_refused_with_the_remedy() {
 fn rings_shrink_where_shared_memory_is_small() {
     let folder = Folder::new("shrunk");
     ring(&folder, 24);
-    // A longer run, of which each participant would keep a mebibyte.
+    // A longer run, in which each participant would need a mebibyte.
     let script = "\"$1\" run \"$2/s.toml\" --duration \"300 ms\" --quiet --out \"$2/run\"; code=$?; \
                   ls -A /dev/shm >\"$2/left\"; exit $code";
     let Some(said) = in_little_memory("8m", &folder, script) else {
@@ -104,7 +104,7 @@ fn rings_shrink_where_shared_memory_is_small() {
 fn shared_memory_that_is_filled_in_mid_run_ends_it_in_order() {
     let folder = Folder::new("filled");
     oscillator(&folder, "damper");
-    // The damper is the first of the two in the order of their names, and is to be restarted.
+    // The damper is the first of the two in alphabetical order, and is to be restarted.
     let script = r#"
         "$1" run "$2/oscillator.toml" --out "$2/run" --real-time=5 --checkpoint-every "500 ms" --quiet \
             --set participants.damper.on-failure=restart-from-checkpoint &
@@ -154,7 +154,7 @@ fn a_program_that_takes_long_to_start_is_given_its_time() {
     ] {
         assert!(said.err.contains(part), "`{part}` is not in: {said:?}");
     }
-    // The command line has the last word.
+    // The command line takes precedence.
     let said = world.run("run", &["--set", &tardy, "--set", within, "--start-within", "60 s"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     world.same_as_undisturbed("run");
@@ -193,13 +193,13 @@ fn a_builtin_is_restarted_after_its_program_was_built_anew() {
         .stderr(Stdio::piped());
     let mut run = command.spawn().expect("the copy can be started");
     wait_for_bytes(&mut run, &out.join("tape/plant.measured.bin"), 1000 * 224);
-    // What a build does: the old file loses its name, and a new one gets it.
+    // As in a build: the old file is unlinked, and a new one gets its name.
     std::fs::remove_file(&program).expect("the copy is there");
     std::fs::write(&program, "not a program").expect("the folder can be written");
     let controller = writer_of(&out.join("log/controller.stderr")).expect("the controller runs");
     assert!(signal(controller, Signal::KILL));
     let said = finish(run);
-    // Too short to capture anything.
+    // Too short for a capture.
     assert_eq!(said.code, Some(3), "{said:?}");
     let events = std::fs::read_to_string(out.join("tape/events.jsonl")).expect("a tape has events");
     assert!(events.contains("\"restart\""), "{events}");

@@ -1,4 +1,4 @@
-//! `[scene]`: what does not fit is refused before anything runs; the playback is in the page of any run.
+//! `[scene]`: mistakes are rejected before anything runs; the playback is in the page of any run.
 
 use escapement_tests::program::{Folder, orchestrate, root, text};
 
@@ -112,7 +112,7 @@ fn what_does_not_fit_a_scene_is_refused_with_line_key_value_and_remedy() {
     }
 }
 
-/// What the page has for its script.
+/// The data in the page for its script.
 fn data(page: &str) -> serde_json::Value {
     let (_, rest) = page
         .split_once("<script type=\"application/json\" id=\"data\">")
@@ -164,7 +164,7 @@ fn scene_of_a_scenario_is_in_its_page_and_a_model_takes_the_place_of_a_body() {
     }
 }
 
-/// A scenario that says nothing of a scene has no playback, whatever its fields are called.
+/// A scenario without a scene has no playback, whatever its fields are called.
 #[test]
 fn run_without_a_scene_has_no_playback() {
     let folder = Folder::new("scene-none");

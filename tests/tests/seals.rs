@@ -1,4 +1,4 @@
-//! A tape whose bytes are not those that were sealed: nothing is made of it, unless its reader wants that.
+//! A tape whose bytes differ from the sealed ones is not used unless the reader requests it.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn flipped_bit_is_refused_by_every_reader() {
     }
     let stream = world.path("saved/tape/plant.motion.bin");
     flip(&stream);
-    // The damper need not read the sample that was altered.
+    // The damper may or may not read the altered sample.
     let codes: [&[i32]; 5] = [&[3], &[3], &[0], &[0], &[0, 3]];
     for (reader, codes) in readers.iter().zip(codes) {
         let said = orchestrate(reader);
@@ -62,7 +62,7 @@ fn flipped_bit_is_refused_by_every_reader() {
         Some(2),
         "for reading alone"
     );
-    // The same bit again, and all is as it was.
+    // With the same bit flipped again, everything works as before.
     flip(&stream);
     assert_eq!(world.resume("saved", "resumed", &[]).code, Some(0));
     world.same_as_undisturbed("resumed");

@@ -1,4 +1,4 @@
-//! Unseen samples are not computed, and what is seen does not depend on that.
+//! Unseen samples are not computed, and the seen samples do not depend on that.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use lockstep::participant::{
 };
 use tape::{Reader, Records, Source};
 
-/// An oscillator that counts how often it computes each of its outputs, and spoils those that are unseen.
+/// An oscillator that counts how often it computes each of its outputs, and writes wrong values for unseen ones.
 struct Counting {
     ports: Ports,
     push: InputPort<Push>,
@@ -113,14 +113,14 @@ const GUARD: &str = "[guards.detail]\noutput = \"plant.detail\"\nfield = \"posit
 
 /// 2000 steps and the sample before them.
 const ALL: u64 = 2001;
-/// What the damper reads: the sample at 7 ms and each tenth one from there on.
+/// The samples that the damper reads: the one at 7 ms and every tenth one from there on.
 const READ: u64 = 199;
 
 #[test]
 fn outputs_are_computed_where_they_are_seen() {
     let folder = Folder::new("seen");
     let record = |detail: &str| format!("[record]\nplant = {{ motion = false, detail = {detail} }}\ndamper = false\n");
-    // A fault may remember the first value in its span, and a substitute holds the last one of the program before.
+    // A fault may hold the first value in its span, and a substitute the last one of the previous program.
     let fault = "[[faults]]\noutput = \"plant.motion\"\nkind = \"stuck\"\nat = \"1 s\"\n";
     let substitute = "[[faults]]\nsubstitute = \"plant\"\nat = \"1 s\"\nrun = { builtin = \"counting\" }\n";
     for (more, kept, computed) in [
@@ -130,7 +130,7 @@ fn outputs_are_computed_where_they_are_seen() {
         (MEASURE, Record::Nothing, [READ, ALL]),
         (GUARD, Record::Nothing, [READ, ALL]),
         (fault, Record::Nothing, [ALL, 0]),
-        // One more for the program that begins.
+        // One more for the program that starts.
         (substitute, Record::Nothing, [ALL + 1, ALL + 1]),
         (&record("false"), Record::Digest, [READ, 0]),
         (
@@ -148,7 +148,7 @@ fn outputs_are_computed_where_they_are_seen() {
         assert_eq!(counts, computed, "{more} {kept:?}");
         assert_eq!(outcome.digest.is_some(), kept != Record::Nothing);
     }
-    // A folder's tape keeps what the scenario says, and a program that asks may ask for everything.
+    // The tape of a folder has what the scenario states, and a program that requests it may get everything.
     let options = Options {
         record: Record::Folder,
         out: Some(folder.path().join("run")),
@@ -169,7 +169,7 @@ fn figures_do_not_depend_on_what_else_is_seen() {
     assert_eq!(figures(Record::Nothing), figures(Record::Memory));
 }
 
-/// A stock scenario without its assessment, which looks at the truth.
+/// A stock scenario without its assessment, which reads the true state.
 fn unjudged(folder: &Folder, name: &str) -> PathBuf {
     for shared in ["models", "gains"] {
         let link = folder.path().join(shared);
@@ -300,7 +300,7 @@ fn campaign_has_the_digests_of_whole_tapes_where_they_are_asked_for() {
     for key in ["figures", "outcome", "values"] {
         assert_eq!(first[key], second[key], "{key}");
     }
-    // A folder that has them is gone on with as it is; one without does not become one with them.
+    // A folder that has these samples continues to record them; one without them does not start to.
     assert_eq!(sweep("with", &[]).1, with_head);
     let plain = folder.path().join("plain");
     let both = [

@@ -1,9 +1,9 @@
-//! A second program on a participant's inputs: what it would have said, compared, without any effect on the run.
+//! A shadow, which runs a second program on a participant's inputs: its outputs are compared, without any effect on the run.
 
 use escapement_tests::program::{Folder, Said, orchestrate, participant, root, text};
 use escapement_tests::world::oscillator;
 
-/// Runs the oscillator with its damper and `shadow` beside it.
+/// Runs the oscillator with its damper and the shadow `shadow`.
 fn shadowed(folder: &Folder, shadow: &str) -> Said {
     let scenario = oscillator(folder, "damper");
     let (out, shadow) = (
@@ -94,7 +94,7 @@ fn the_death_of_a_shadow_does_not_end_the_run() {
         let ending = &found["shadows"][0]["ending"];
         assert_eq!(ending["status"], "failed", "{found}");
         assert!(ending["reason"].as_str().unwrap().contains(words), "{ending}");
-        // What it said before is compared all the same.
+        // Its earlier outputs are compared all the same.
         assert!(
             found["shadows"][0]["comparison"]["samples"].as_u64().unwrap() > 0,
             "{found}"
@@ -132,14 +132,14 @@ fn other_ports_are_refused_with_the_difference() {
             assert!(said.err.contains(part), "{shadow}: `{part}` is not in: {}", said.err);
         }
     }
-    // A program of its own is asked before anything runs as well.
+    // A separate program is queried before anything runs as well.
     for (shadow, code, parts) in [
         (
             "wrong_descriptor",
             2,
             ["participants.damper.run", "cannot be its shadow", "kN"],
         ),
-        // That it dies is no mistake in what was asked for.
+        // Its death is no mistake in the request.
         ("early_exit", 1, ["`damper`", "exited with status 7", "licence server"]),
     ] {
         let said = shadowed(&folder, shadow);

@@ -1,4 +1,4 @@
-//! The shape of the sources: no circles between modules, short files, short functions, and libraries that know no example.
+//! The structure of the sources: no cycles between modules, short files, short functions, and libraries independent of the examples.
 
 use std::path::Path;
 
@@ -43,7 +43,7 @@ fn files_are_short() {
     assert!(long.is_empty(), "split these files:\n{}", long.join("\n"));
 }
 
-/// Lines from `fn` to the closing brace, comments among them; those of tests too.
+/// Lines from `fn` to the closing brace, including comments; also for tests.
 #[test]
 fn functions_are_short() {
     const MAX: usize = 80;
@@ -71,7 +71,7 @@ const DRAWS_JOINTS: [&str; 2] = [
     "crates/report/src/export/mcap/transforms.rs",
 ];
 
-/// What runs, records and draws any system says nothing of the one that comes with it, in code, comments, texts and tests.
+/// Code that runs, records and draws any system does not mention the bundled one: not in code, comments, texts or tests.
 #[test]
 fn libraries_of_any_system_know_no_example() {
     let words = ["capture", "grasp", "slosh", "wheel", "thruster", "arm", "gain"];
@@ -86,7 +86,7 @@ fn libraries_of_any_system_know_no_example() {
         });
         none(&format!("{name} is for any system:"), found);
     }
-    // To turn its wheel is what a mouse does.
+    // A mouse has a wheel.
     let words = ["capture", "grasp", "slosh", "thruster", "arm", "servicer", "satellite"];
     let found = files(&package("report").folder, ".js")
         .into_iter()
@@ -95,7 +95,7 @@ fn libraries_of_any_system_know_no_example() {
     none("the page is for any system:", found);
 }
 
-/// What is computed, recorded and drawn needs no `unsafe`; where it stands, clippy wants a reason beside each block.
+/// Packages that compute, record and draw need no `unsafe`; elsewhere, clippy requires a reason for each block.
 #[test]
 fn unsafe_code_stands_in_few_packages_and_is_always_explained() {
     const WITH: [&str; 12] = [

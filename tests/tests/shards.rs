@@ -1,4 +1,4 @@
-//! Shards of a campaign: together they are what one machine makes, whatever happens to them.
+//! Shards of a campaign: together they yield the result of one machine, whatever happens to them.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -22,7 +22,7 @@ fn close(more: &[&str]) -> Vec<String> {
     strings(&[&CLOSE[..], &[PERIODS, "--quiet"], more].concat())
 }
 
-/// The lander, which is in a program of its own, over delays.
+/// The lander, a separate program, over delays.
 fn lander(more: &[&str]) -> Vec<String> {
     let own = [
         "sweep",
@@ -38,7 +38,7 @@ fn strings(words: &[&str]) -> Vec<String> {
     words.iter().map(|word| (*word).to_owned()).collect()
 }
 
-/// What a campaign of a system is called with.
+/// The arguments of a campaign of a system.
 type Sweep = fn(&[&str]) -> Vec<String>;
 
 /// Two systems that share nothing, with their programs.
@@ -75,7 +75,7 @@ fn merged_shards_are_what_one_machine_makes() {
         let out = |name: &str| folder.path().join(name);
         let said = call(program, &sweep(&["--out", text(&out("one"))]));
         assert_eq!(said.code, Some(0), "{said:?}");
-        // Parts of other sizes are a whole too.
+        // Shards of different sizes form a whole too.
         let shards = ["1/2", "2/4", "4/4"];
         let mut merge = strings(&["sweep", "merge", text(&out("whole")), "--quiet"]);
         for (at, shard) in shards.iter().enumerate() {
@@ -87,7 +87,7 @@ fn merged_shards_are_what_one_machine_makes() {
         let said = call(program, &merge);
         assert_eq!(said.code, Some(0), "{said:?}");
         assert_eq!(files(&out("whole")), files(&out("one")), "system {number}");
-        // What was merged is a campaign like any other: nothing of it is run again.
+        // A merged campaign is an ordinary campaign: none of it is run again.
         let said = call(program, &sweep(&["--out", text(&out("whole"))]));
         assert_eq!(said.code, Some(0), "{said:?}");
         assert_eq!(journal(&out("whole")), journal(&out("one")));
@@ -166,7 +166,7 @@ fn merge_refuses_what_is_no_whole() {
     );
 }
 
-/// Starts a shard again and again, and kills it at random instants of the time that the whole campaign takes, until it is complete.
+/// Starts a shard repeatedly, and kills it at random instants within the duration of the whole campaign, until it is complete.
 fn run_killed(program: &Path, arguments: &[String], alone: Duration, random: &mut SplitMix) -> usize {
     let mut kills = 0;
     loop {
@@ -201,7 +201,7 @@ fn killed_shards_lose_nothing_and_count_nothing_twice() {
             let place = out(&format!("shard-{number}"));
             let shard = format!("{number}/2");
             let arguments = sweep(&["--out", text(&place), "--shard", &shard, "--workers", "2"]);
-            // A shard that was complete before it was killed often says little, and is begun anew.
+            // A shard that was complete before it was killed often prints little, and is started from the beginning.
             let mut kills = run_killed(program, &arguments, alone, &mut random);
             while kills < 12 {
                 std::fs::remove_dir_all(&place).unwrap();
@@ -248,7 +248,7 @@ fn status_says_how_far_each_shard_is() {
     ] {
         assert!(said.out.contains(part), "`{part}` is not in: {}", said.out);
     }
-    // What it says is what finishes the shard.
+    // The printed command completes the shard.
     let said = call(
         &built().join("lander"),
         &strings(&["sweep", "run", text(&out("2-of-2")), "--quiet"]),
@@ -263,7 +263,7 @@ fn status_says_how_far_each_shard_is() {
         (Some(5), Some(5))
     );
     assert_ne!(parts[1]["nodes"][0].as_str().unwrap_or_default(), "");
-    // A campaign of one machine, and one that is being worked in.
+    // A campaign of one machine, and one that is in progress.
     let one = out("one");
     let arguments = [
         "sweep",
@@ -316,7 +316,7 @@ fn audit_names_the_node_whose_bits_differ() {
         call(&program, &arguments)
     };
     assert_eq!(merge().code, Some(0));
-    // The second shard ran on a machine that computes something else.
+    // The second shard ran on a machine that computes different results.
     let journal = out("2-of-3/results.jsonl");
     let honest = std::fs::read_to_string(&journal).unwrap();
     assert!(honest.matches("\"audit\":true").count() > 0, "{honest}");
@@ -338,7 +338,7 @@ fn audit_names_the_node_whose_bits_differ() {
         said.err.contains("2-of-3 on node `broken`") && said.err.contains("run --point"),
         "{said:?}"
     );
-    // A second run that is missing is a gap.
+    // A missing second run is a gap.
     let first: String = honest
         .split_inclusive('\n')
         .filter(|line| !line.contains("\"audit\":true"))

@@ -1,4 +1,4 @@
-//! What a program says of itself to shells, `man` and people.
+//! The program's output for shells, `man` and users.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -119,7 +119,7 @@ fn a_version_names_the_commit_where_there_is_one() {
     }
     let lander = version("lander", "--version");
     assert_eq!(lander, format!("lander {number}, built on escapement {built_on}"));
-    // The run folder says the same.
+    // The run folder contains the same.
     let folder = Folder::new("version");
     let out = folder.path().join("run");
     let scenario = escapement_tests::program::root().join("examples/lander/lander.toml");

@@ -1,5 +1,5 @@
-//! Scenarios as values: one that is made in code says what a file says, any one is written and read again, and mistakes in both are
-//! told alike.
+//! Scenarios as values: a scenario built in code equals the one of a file, any scenario can be written and read again, and mistakes in
+//! both are reported alike.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ fn catalogue() -> Arc<Catalogue> {
     Arc::new(catalogue)
 }
 
-/// As a file says it.
+/// The scenario as a file.
 const TEXT: &str = r#"
     title = "An oscillator and its damper"
     duration = "2 s"
@@ -136,7 +136,7 @@ fn recorded(scenario: &Scenario, out: &Path, in_process: bool) -> (String, Strin
     (outcome.digest.expect("a digest").to_string(), plan)
 }
 
-/// A program that takes over needs all samples.
+/// A replacement program needs all samples.
 fn whole(spec: &mut ScenarioSpec) {
     spec.record.clear();
     spec.participants["damper"].on_failure = OnFailureSpec::Stop;
@@ -156,7 +156,7 @@ fn scenario_made_in_code_is_the_one_that_a_file_says() {
     };
     let of_file = run(&read, "file", true);
     assert_eq!(run(&own, "code", true), of_file, "tape and plan");
-    // The plan is a scenario too, which says the same.
+    // The plan is an equivalent scenario too.
     let again = Scenario::read(&catalogue, &folder.path().join("code/plan.toml"), &[]).unwrap();
     assert_eq!(recorded(&again, &folder.path().join("again"), true), of_file);
     // In processes, whose programs are files.
@@ -219,7 +219,7 @@ impl ReadChanged for ScenarioSpec {
     }
 }
 
-/// What is said of `spec` as the scenario in `loop.toml`.
+/// The messages about `spec` as the scenario in `loop.toml`.
 fn refused(spec: ScenarioSpec) -> ScenarioError {
     let refused = Scenario::of(&catalogue(), spec, Path::new("loop.toml"));
     refused.err().expect("it is wrong")

@@ -1,12 +1,12 @@
-//! System structures become scenarios, which run, and whose tapes are those of scenarios that are written by hand.
+//! System structures are imported as scenarios, which run and whose tapes equal those of handwritten scenarios.
 
 use escapement_tests::packages::{
     NESTED_REST, SPACES, description, import, is_what_is_written_by_hand, package, pair, read,
 };
 use escapement_tests::program::{Folder, root};
 
-/// Units and a transformation on the way through a nested system, a set of parameters with a prefix, another one with a mapping,
-/// and a parameter that goes through connectors.
+/// Units and a transformation on the path through a nested system, a parameter set with a prefix, another one with a mapping, and a
+/// parameter that passes through connectors.
 const NESTED: &str = r#"
 <ssd:Connectors>
   <ssd:Connector name="D" kind="parameter"><ssc:Real unit="N.s/mm"/></ssd:Connector>

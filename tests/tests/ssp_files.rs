@@ -1,4 +1,4 @@
-//! Systems of several files, signal dictionaries and texts in system structures: their tapes are those of scenarios that are written by hand.
+//! Systems of several files, signal dictionaries and texts in system structures: their tapes equal those of handwritten scenarios.
 
 use escapement_tests::fmus::archive;
 use escapement_tests::packages::{
@@ -6,7 +6,7 @@ use escapement_tests::packages::{
 };
 use escapement_tests::program::{Folder, root};
 
-/// A mass in a package of its own and a brake in a description of its own, which names its FMU from the folder that it stands in.
+/// A mass in a nested package and a brake in a separate description, which refers to its FMU relative to its own folder.
 const PARTS: &str = r#"
 <ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>
   <ssv:ParameterSet version="1.0" name="from outside"><ssv:Parameters>
@@ -104,7 +104,7 @@ fn systems_of_other_files_are_the_scenario_written_by_hand() {
     );
 }
 
-/// A mistake in a system of another file stands there, and a system that contains itself has an end.
+/// A mistake in a system of another file is reported with that file, and a system that contains itself is rejected.
 #[test]
 fn mistakes_in_systems_of_other_files_are_named_where_they_stand() {
     let folder = Folder::new("parts-refused");
@@ -211,7 +211,7 @@ fn signal_dictionary_is_the_connections_written_by_hand() {
     );
 }
 
-/// A text goes from one FMU to another one, and is a signal of both.
+/// A text goes from one FMU to another, and is a signal of both.
 #[test]
 fn texts_and_bytes_are_connected() {
     let folder = Folder::new("texts");

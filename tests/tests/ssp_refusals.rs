@@ -1,4 +1,4 @@
-//! What is no system structure, and what a scenario cannot express, is refused with file and line.
+//! Invalid system structures, and structures that a scenario cannot express, are rejected with file and line.
 
 use std::path::Path;
 
@@ -40,7 +40,7 @@ fn what_is_no_package_is_refused() {
         &package(&folder, &description("", ""), &[]),
         &["SystemStructure.ssd:3", "0 components"],
     );
-    // What is there is not written over.
+    // An existing file is not overwritten.
     std::fs::create_dir(folder.path().join("full")).expect("made");
     folder.write("full/x", "x");
     let full = folder.path().join("full");
@@ -48,7 +48,7 @@ fn what_is_no_package_is_refused() {
     assert!(said.code == Some(2) && said.err.contains("not empty"), "{said:?}");
 }
 
-/// Sees that a package with a mass on a spring (`a.fmu`) and a damper (`b.fmu`) is refused in these words.
+/// Checks that a package with a mass on a spring (`a.fmu`) and a damper (`b.fmu`) is rejected with these words.
 fn refused(folder: &Folder, name: &str, system: &str, rest: &str, words: &[&str]) {
     let (spring, damper) = pair(folder);
     let files = [("a.fmu", spring), ("b.fmu", damper)];
@@ -59,7 +59,7 @@ fn refused(folder: &Folder, name: &str, system: &str, rest: &str, words: &[&str]
     assert!(missing.is_empty(), "{name}: {missing:?} in {}", said.err);
 }
 
-/// Everything that is wrong is named at once, with its line.
+/// All mistakes are reported at once, each with its line.
 #[test]
 fn elements_that_are_no_fmus_are_refused_all_at_once() {
     let folder = Folder::new("elements");
@@ -198,7 +198,7 @@ fn what_does_not_fit_the_fmus_is_refused_with_its_line() {
     );
 }
 
-/// What FMUs themselves say of their outputs: values would have to be everywhere at once.
+/// What FMUs declare about their outputs: values would have to pass through all of them at the same instant.
 #[test]
 fn algebraic_loop_is_refused_unless_it_is_opened() {
     let folder = Folder::new("loop");

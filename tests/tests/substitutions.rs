@@ -1,5 +1,5 @@
-//! What a substitution puts in a participant's place: the same program with the same parameters however a run is executed, from
-//! wherever it is resumed, and when it is replayed.
+//! The program that a substitution starts: the same program with the same parameters however a run is executed, from any checkpoint
+//! where it is resumed, and when it is replayed.
 
 use std::path::{Path, PathBuf};
 
@@ -64,7 +64,7 @@ fn run(scenario: &Path, out: &Path, more: &[&str]) -> String {
     ))
 }
 
-/// The one tape of a run in processes, of one in one process, and of what is resumed from each of `cuts` in both ways.
+/// The common tape of a run in processes, of one in one process, and of the runs resumed from each of `cuts` in both ways.
 fn one_tape(folder: &Folder, scenario: &Path, name: &str, cuts: &[&str]) -> String {
     let out = |way: &str| folder.path().join(format!("{name}-{way}"));
     let saves: Vec<&str> = cuts.iter().flat_map(|cut| ["--checkpoint-at", cut]).collect();
@@ -72,7 +72,7 @@ fn one_tape(folder: &Folder, scenario: &Path, name: &str, cuts: &[&str]) -> Stri
     let inside = [&["--in-process"], &saves[..]].concat();
     assert_eq!(run(scenario, &out("inside"), &inside), whole, "{name} in one process");
     for (number, cut) in cuts.iter().enumerate() {
-        // What was saved in processes goes on in one process, and the other way round.
+        // A run saved in processes is resumed in one process, and the other way round.
         for (from, to, more) in [
             ("processes", "inside", &["--in-process"][..]),
             ("inside", "processes", &[]),
@@ -97,7 +97,7 @@ fn substitute_without_parameters_has_the_participants_own() {
         |second: &str| fault("100 ms", "guidance", "cold", &other) + &fault("200 ms", "guidance", "cold", second);
     let file = scenario(&folder, "twice.toml", &twice(""));
     let tape = one_tape(&folder, &file, "twice", &["50 ms", "150 ms", "250 ms"]);
-    // The second one says nothing of parameters: it has those of the participant, not those of the one before it.
+    // The second substitution states no parameters: it has those of the participant, not those of the previous one.
     let explicit = scenario(&folder, "explicit.toml", &twice(&own));
     assert_eq!(run(&explicit, &folder.path().join("explicit"), &["--in-process"]), tape);
     let inherited = scenario(&folder, "inherited.toml", &twice(&other));
@@ -105,7 +105,7 @@ fn substitute_without_parameters_has_the_participants_own() {
         run(&inherited, &folder.path().join("inherited"), &["--in-process"]),
         tape
     );
-    // `check` says whose parameters they are.
+    // `check` reports whose parameters they are.
     let said = orchestrate(&["check", text(&file)]);
     assert!(
         said.out.contains("its own parameters") && said.out.contains("the same parameters"),
@@ -155,7 +155,7 @@ fn replay_substitutes_as_the_run_did() {
         let said = orchestrate(&[&["replay", text(&out), "--participant", "guidance"], mode].concat());
         assert_eq!(said.code, Some(0), "{mode:?}: {said:?}");
     }
-    // Another program in its place is there from the start to the end.
+    // Another program in its place from the start to the end.
     let said = orchestrate(&[
         "replay",
         text(&out),
@@ -189,7 +189,7 @@ fn forty_substitutions_take_place() {
     assert_eq!(said.code, Some(0), "{said:?}");
     assert_eq!(world.events("run").matches("\"substitution\"").count(), 40);
     assert_eq!(world.prefix("run"), 100);
-    // More than there is room for is refused before anything starts.
+    // More substitutions than the limit are rejected before anything starts.
     let more: String = (1..=1001)
         .map(|k| substitution(&format!("{k} ms"), "damper", "cold"))
         .collect();
@@ -202,7 +202,7 @@ fn forty_substitutions_take_place() {
     );
 }
 
-/// What `check` says of `file` with these options.
+/// The output of `check` for `file` with these options.
 fn check(file: &Path, more: &[&str]) -> Said {
     orchestrate(&[&["check", text(file)], more].concat())
 }

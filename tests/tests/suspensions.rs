@@ -1,4 +1,4 @@
-//! Runs that are stopped and go on: time in which the orchestrator did not run is held against no participant.
+//! Runs that are stopped and continued: time in which the orchestrator did not run is not counted against any participant.
 
 use std::process::Child;
 use std::time::Duration;
@@ -31,7 +31,7 @@ fn under_way(world: &World, name: &str, more: &[&str]) -> (Child, [u32; 2]) {
     (run, both)
 }
 
-/// `--set` of a substitute for the damper if that fails.
+/// `--set` of a substitute for the damper in case it fails.
 fn substitute() -> String {
     let exe = participant("damper");
     format!(
@@ -44,7 +44,7 @@ fn substitute() -> String {
 fn a_suspension_beyond_patience_changes_nothing() {
     let world = World::new("suspended", "damper");
     let policy = substitute();
-    // The orchestrator alone, as Ctrl-Z does it, and everything, as a paused container does.
+    // The orchestrator alone, as by Ctrl-Z, and all processes, as by a paused container.
     let alone = ["alone", "alone with a policy"];
     let all = ["all", "all with a policy"];
     let policies = [&[][..], &["--set", &policy]];
@@ -89,7 +89,7 @@ fn a_suspension_during_set_up_ends_nothing() {
         "--start-within",
         "3 s",
     ]);
-    // Its log is there before it is; a stop in between would leave all of its four seconds to the run.
+    // The log exists before the participant is ready; a stop in between would leave all of its four seconds to the run.
     let log = out.join("log/damper.stderr");
     wait_until(&mut run, "the damper does not start", || writer_of(&log).is_some());
     signal(run.id(), Signal::STOP);

@@ -1,4 +1,4 @@
-//! Runs that are taken up in mid-course: from a checkpoint, after a death, with a substitute.
+//! Runs that are continued from the middle: from a checkpoint, after a death, with a substitute.
 
 use escapement_tests::machine::{processes_of, signal, wait_for_bytes, wait_until, writer_of};
 use escapement_tests::program::{Said, finish, orchestrate, participant, start, text};
@@ -17,7 +17,7 @@ fn a_resumed_run_is_the_same_run() {
         assert_eq!(said.code, Some(0), "{said:?}");
         world.same_as_undisturbed(&name);
     }
-    // What is resumed can be saved and resumed again.
+    // A resumed run can be saved and resumed again.
     let said = world.resume("saved", "again", &["--from", "3 s", "--checkpoint-at", "4 s"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     let said = world.resume("again", "and again", &["--json"]);
@@ -46,7 +46,7 @@ fn a_branch_asks_what_if() {
     assert_eq!(said.code, Some(0), "{said:?}");
     let motion = |name: &str| std::fs::read(world.path(name).join("tape/plant.motion.bin")).unwrap();
     let (undisturbed, branch) = (motion("undisturbed"), motion("late"));
-    // 4000 steps and the sample before the first are the same; what follows is not.
+    // 4000 steps and the sample before the first are the same; the following ones differ.
     assert_eq!(undisturbed[..4001 * 24], branch[..4001 * 24]);
     assert_ne!(undisturbed, branch);
     assert_eq!(undisturbed.len(), branch.len());
@@ -72,7 +72,7 @@ fn branch_behind_a_checkpoint_is_the_run_that_says_so_itself() {
     }
 }
 
-/// The folder of `world` has nothing but `names`.
+/// Checks that the folder of `world` contains only `names`.
 fn assert_nothing_beside(world: &World, names: &[&str]) {
     let all = std::fs::read_dir(world.folder.path()).unwrap();
     let all: std::collections::BTreeSet<String> = all
@@ -105,7 +105,7 @@ fn branch_without_a_change_is_the_run_itself() {
     }
 }
 
-/// A branch is killed on its way to where it begins: the folder that it has for that is found and removed, and not before.
+/// A branch is killed on the way to its start: the folder that it uses for that is found and removed, and not before.
 #[test]
 fn what_a_killed_branch_leaves_is_removed() {
     let world = World::new("branch-killed", "slow");
@@ -133,7 +133,7 @@ fn what_a_killed_branch_leaves_is_removed() {
             let said = world.run("next", &["--duration", "10 ms"]);
             assert_eq!(said.code, Some(0), "{said:?}");
         } else {
-            // Runs of other tests clear up as well.
+            // Runs of other tests clean up as well.
             let said = orchestrate(&["doctor", "--remove"]);
             let told = said.out.contains(text(&branch));
             assert!(said.code == Some(0) && (told || !branch.exists()), "{said:?}");
@@ -160,12 +160,12 @@ fn branch_does_not_depend_on_the_checkpoint_before_it() {
     let [at, behind] = ["at", "behind"].map(|name| world.path(name));
     let said = orchestrate(&["compare", text(&at), text(&behind)]);
     assert_eq!(said.code, Some(0), "{said:?}");
-    // Up to the branch it is the run; 25 ms later at the latest it is not.
+    // Up to the branch the samples equal those of the run; 25 ms later at the latest they differ.
     let motion = |name: &str| std::fs::read(world.path(name).join("tape/plant.motion.bin")).unwrap();
     let (undisturbed, branch) = (motion("undisturbed"), motion("behind"));
     assert_eq!(undisturbed[..5001 * 24], branch[..5001 * 24]);
     assert_ne!(undisturbed[5001 * 24..5030 * 24], branch[5001 * 24..5030 * 24]);
-    // What cannot be is refused, with nothing left.
+    // Impossible requests are rejected, and nothing is left behind.
     let said = world.resume(
         "rarely",
         "late",
@@ -211,7 +211,7 @@ fn what_cannot_be_resumed_is_refused() {
             "offset",
             ["399 activations", "400 in the run", "given with --set"],
         ),
-        // From between two checkpoints: nothing is run up to there.
+        // From an instant between two checkpoints: nothing is run up to there.
         (
             &later,
             "period",
@@ -257,7 +257,7 @@ fn who_cannot_be_saved_is_named() {
     assert!(said.err.contains("`damper`: cannot save its state"), "{said:?}");
 }
 
-/// Kills `who` once in a paced run with the policy to restart.
+/// Kills `who` once in a paced run with the restart policy.
 fn killed(world: &World, name: &str, who: &str, how: Signal) -> Said {
     let out = world.path(name);
     let mut child = start(&[
@@ -273,7 +273,7 @@ fn killed(world: &World, name: &str, who: &str, how: Signal) -> Said {
         "--set",
         &format!("participants.{who}.on-failure=restart-from-checkpoint"),
     ]);
-    // At 4.5 s of 10: some time behind a checkpoint and, where there is one, behind the substitution.
+    // At 4.5 s of 10: some time after a checkpoint and, where there is one, after the substitution.
     wait_for_bytes(&mut child, &out.join("tape/damper.push.bin"), 24 * 450);
     let pid = writer_of(&out.join("log").join(format!("{who}.stderr"))).expect("the participant runs");
     assert!(signal(pid, how));
@@ -341,7 +341,7 @@ fn a_substitute_takes_over_from_whoever_fails() {
         );
         let said = world.run("run", &["--set", &policy, "--patience", "1 s"]);
         assert_eq!(said.code, Some(0), "{bad}: {said:?}");
-        // It starts afresh at the activation that the other one did not finish.
+        // It starts without state at the activation that the other one did not finish.
         assert_eq!((world.count("run", 199), world.count("run", 200)), (200, 1), "{bad}");
         assert_eq!(world.count("run", 999), 800, "{bad}");
         let events = world.events("run");
@@ -357,7 +357,7 @@ fn a_substitute_in_mid_run_starts_afresh_or_keeps_the_state() {
     let world = World::with("cold", "damper", &substitution("2.005 s", "damper", "cold"));
     let said = world.run("run", &[]);
     assert_eq!(said.code, Some(0), "{said:?}");
-    // Activations at 0 … 2 s are the old one's; the one at 2.01 s is the new one's first.
+    // Activations at 0 … 2 s are those of the old program; the one at 2.01 s is the first of the new one.
     assert_eq!((world.count("run", 200), world.count("run", 201)), (201, 1));
     assert_eq!(world.count("run", 999), 799);
     let events = world.events("run");
@@ -366,14 +366,14 @@ fn a_substitute_in_mid_run_starts_afresh_or_keeps_the_state() {
         "{events}"
     );
 
-    // With the state of the one before nobody can tell, however often.
+    // With the state of its predecessor the replacement leaves no trace, however often it happens.
     let twice = substitution("2 s", "damper", "keep") + &substitution("7/3 s", "damper", "keep");
     let world = World::with("keep", "damper", &twice);
     let said = world.run("run", &["--checkpoint-every", "1 s"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     world.same_as_undisturbed("run");
     assert_eq!(world.events("run").lines().count(), 2);
-    // A run that goes on from before, between and after has the same substitutions still to come.
+    // A run that continues from before, between and after still has the remaining substitutions to come.
     for (from, left) in [("1 s", 2), ("2 s", 2), ("3 s", 2)] {
         let name = format!("from {from}");
         let said = world.resume("run", &name, &["--from", from]);
@@ -386,7 +386,7 @@ fn a_substitute_in_mid_run_starts_afresh_or_keeps_the_state() {
 
 #[test]
 fn a_substitute_with_other_ports_is_refused_with_the_difference() {
-    // Before anything runs, whoever may take over, at a given time or after a failure.
+    // Checked before anything runs, for every substitute, at a given time or after a failure.
     let world = World::with("ports", "damper", &substitution("2 s", "wrong_descriptor", "cold"));
     let wrong = participant("wrong_descriptor").display().to_string();
     let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {wrong:?} }} }}");
@@ -400,7 +400,7 @@ fn a_substitute_with_other_ports_is_refused_with_the_difference() {
             assert!(said.err.contains(part), "`{part}` is not in {said:?}");
         }
     }
-    // And once more when it is its turn: who has described the right ports before may describe others then.
+    // And once more at the substitution: a program that has described the right ports before may describe others then.
     let world = World::with("fickle", "damper", &substitution("1 s", "fickle", "cold"));
     let mark = format!("args = [{:?}] }}", world.path("mark"));
     let scenario = std::fs::read_to_string(&world.scenario).unwrap();

@@ -1,4 +1,4 @@
-//! What `new` writes runs where nothing of the project's tree is.
+//! The output of `new` runs outside the project's source tree.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -21,8 +21,8 @@ impl Outside {
         Outside(folder)
     }
 
-    /// Puts the workspace's profiles where Cargo finds them for every project in this folder: what has been compiled for the workspace is
-    /// not compiled again. A user's own project has Cargo's profiles.
+    /// Puts the workspace's profiles where Cargo finds them for every project in this folder, so that nothing already compiled for the
+    /// workspace is compiled again. A user's project has Cargo's profiles.
     fn compile_as_the_workspace_does(&self) {
         let manifest = std::fs::read_to_string(root().join("Cargo.toml")).expect("the workspace has a manifest");
         let manifest: toml::Table = manifest.parse().expect("Cargo has read it");
@@ -32,21 +32,21 @@ impl Outside {
         std::fs::write(folder.join("config.toml"), profiles.to_string()).expect("the folder can be written");
     }
 
-    /// The program with `arguments`, in this folder.
+    /// Runs the program with `arguments` in this folder.
     fn escapement(&self, arguments: &[&str]) -> Said {
         let mut command = Command::new(orchestrator());
         command.args(arguments);
         self.finish(command)
     }
 
-    /// What a user would type, in this folder.
+    /// Runs the user's command line in this folder.
     fn shell(&self, script: &str) -> Said {
         let mut command = Command::new("sh");
         let path = format!("{}:{}", built().display(), std::env::var("PATH").unwrap_or_default());
         command
             .args(["-ec", script])
             .env("PATH", path)
-            // A user's own folder `target` would compile everything that lies ready here.
+            // A separate folder `target` would compile everything that is ready here.
             .env("CARGO_TARGET_DIR", root().join("target"))
             .env("CARGO_NET_OFFLINE", "true");
         self.finish(command)
@@ -72,7 +72,7 @@ fn commands(said: &Said) -> String {
     lines.join("\n")
 }
 
-/// The files below `folder`, from it.
+/// The files below `folder`, relative to it.
 fn files(folder: &Path) -> Vec<String> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_owned()];
@@ -89,7 +89,7 @@ fn files(folder: &Path) -> Vec<String> {
     found
 }
 
-/// Writes `template` into a folder of that name, from `given` files, and does what is printed then.
+/// Writes `template` into a folder of that name, from `given` files, and runs the printed commands.
 fn follow(outside: &Outside, template: &str, folder: &str, given: &[&str]) -> Said {
     let said = outside.escapement(&[&["new", folder, "--template", template], given].concat());
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -137,13 +137,13 @@ fn the_capture_runs_from_its_own_folder() {
     ]);
     assert_eq!(said.code, Some(0), "{said:?}");
     same_tape(&here, &project.join("runs/close"));
-    // Every scenario finds its files, from another folder too.
+    // Every scenario finds its files, also from another folder.
     for name in files(&project.join("scenarios")) {
         let path = format!("a capture/scenarios/{name}");
         let said = outside.escapement(&["check", &path, "--json"]);
         assert_eq!(said.code, Some(0), "{path}: {said:?}");
     }
-    // Gains find their specification, and that the robot.
+    // Gains find their specification, and the specification finds the robot.
     let margins = "cd 'a capture'; escapement margins gains/pi-diagonal.toml --models 0 --no-flights";
     let said = outside.shell(margins);
     assert!(said.out.contains("gamma"), "{said:?}");
@@ -162,7 +162,7 @@ fn the_spring_is_the_example_without_a_program_of_its_own() {
     let said = orchestrate(&["run", text(&file), "--out", text(&example), "--quiet"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     same_tape(&example, &outside.0.join("spring/runs/first"));
-    // It can be taken up, and says what is wrong with its parameters.
+    // The run can be resumed, and mistakes in its parameters are reported.
     let said = outside.escapement(&[
         "run",
         "spring/spring.toml",
@@ -196,7 +196,7 @@ fn fmus_are_connected_where_names_and_units_fit() {
     };
     let (spring, damper) = (Recipe::new(2).build(&built, "mass"), damper.build(&built, "brake.v2"));
     follow(&outside, "fmu", "coupled", &[text(&spring), text(&damper)]);
-    // The files lie in the project: it needs nothing of where they came from.
+    // The files are in the project: it does not depend on where they came from.
     let by_hand = outside.0.join("coupled/by-hand.toml");
     let scenario = "duration = \"10 s\"\n[participants.mass]\nperiod = \"10 ms\"\nrun.fmu = \"fmus/mass.fmu\"\n\
                     [participants.brake-v2]\nperiod = \"10 ms\"\nrun.fmu = \"fmus/brake-v2.fmu\"\n\
@@ -207,7 +207,7 @@ fn fmus_are_connected_where_names_and_units_fit() {
     let said = orchestrate(&["run", text(&by_hand), "--out", text(&expected), "--quiet"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     same_tape(&expected, &outside.0.join("coupled/runs/first"));
-    // Two masses: nothing has the name of the input, but the damper has a force to give, which is suggested.
+    // Two masses: no output has the name of the input, but the damper has a force output, which is suggested.
     let reference = root().join("tests/fmus/reference/fmi3/Feedthrough.fmu");
     let given = [text(&damper), text(&damper), text(&spring), text(&reference)];
     follow(&outside, "fmu", "apart", &given);
@@ -222,7 +222,7 @@ fn fmus_are_connected_where_names_and_units_fit() {
         let found = scenario.contains(words) || scenario.contains(&words.replace("\"damping\"", "damping"));
         assert!(found, "{words} in\n{scenario}");
     }
-    // What is suggested holds once it is no comment.
+    // The suggestion works once it is uncommented.
     let uncommented =
         scenario
             .replacen("# ports", "ports", 1)
@@ -294,7 +294,7 @@ fn what_cannot_be_written_is_refused_with_what_can_be_done() {
     let said = outside.escapement(&["new", "--list"]);
     let names: Vec<&str> = said.out.lines().filter_map(|line| line.split(' ').next()).collect();
     assert_eq!((said.code, names), (Some(0), vec!["capture", "spring", "fmu", "rust"]));
-    // Where one is, and where the address of a repository is enough.
+    // In the working directory, with the address of a repository instead of a path.
     std::fs::create_dir(outside.0.join("here")).expect("a folder");
     let said = outside.shell("cd here; escapement new . --template rust --escapement https://host/escapement.git");
     assert_eq!(said.code, Some(0), "{said:?}");

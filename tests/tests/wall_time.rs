@@ -1,4 +1,5 @@
-//! The wall time of a run: how a pace is kept and who is late, and a trace of what every participant did. The tape knows nothing of it.
+//! The wall-clock time of a run: how a pace is kept and which participant is late, and a trace of every participant. The tape is
+//! independent of it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,7 +15,7 @@ use escapement_tests::world::World;
 use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
 use serde_json::Value;
 
-/// A damper that takes longer for a step than it has at the pace of these tests.
+/// A damper whose step takes longer than the time available at the pace of these tests.
 struct Slow(Box<dyn Participant>);
 
 impl Slow {
@@ -94,7 +95,7 @@ fn pace_that_is_not_kept_is_reported_with_who_was_late() {
     );
     let kept = std::fs::read(world.path("paced/summary.json")).unwrap();
     assert_eq!(serde_json::from_slice::<Value>(&kept).unwrap(), summary);
-    // And the tape is what it always is.
+    // The tape is unchanged.
     assert_eq!(world.prefix("paced"), 100);
 }
 
@@ -147,7 +148,7 @@ fn overrun_ends_a_run_that_is_to_stop_there() {
     assert!(said.err.contains("--real-time"), "{said:?}");
 }
 
-/// The spans of a trace by participant, in the order of their beginnings, and its other events.
+/// The spans of a trace by participant, in the order of their start, and its other events.
 fn read_trace(file: &Path) -> (BTreeMap<String, Vec<Value>>, Vec<Value>) {
     let trace: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
     let (mut names, mut spans, mut marks) = (BTreeMap::new(), BTreeMap::<String, Vec<Value>>::new(), Vec::new());
@@ -177,7 +178,7 @@ fn read_trace(file: &Path) -> (BTreeMap<String, Vec<Value>>, Vec<Value>) {
     (spans, marks)
 }
 
-/// Every activation of a participant is one step that is complete, in order.
+/// Every activation of a participant is one complete step, in order.
 fn assert_all_steps(spans: &[Value], activations: u64) {
     let steps = spans
         .iter()
@@ -207,7 +208,7 @@ fn trace_has_every_step_and_what_was_waited_for() {
         let own = spans[who].iter().filter(|span| span["name"] == name);
         own.cloned().collect::<Vec<_>>()
     };
-    // Sampled and without a delay: the plant cannot take a step before the damper has answered.
+    // Sampled and without a delay: the plant cannot step before the damper has answered.
     let waited = waits("plant", "waits for `push`");
     assert!(!waited.is_empty());
     assert!(
@@ -220,7 +221,7 @@ fn trace_has_every_step_and_what_was_waited_for() {
             .iter()
             .all(|span| span["args"]["output"] == "plant.motion")
     );
-    // The step that was waited for begins when the wait is over.
+    // The step that was waited for starts at the end of the wait.
     let own = &spans["plant"];
     let at = own.iter().position(|span| span == &waited[0]).unwrap();
     assert_eq!(own[at + 1]["args"]["activation"], waited[0]["args"]["activation"]);

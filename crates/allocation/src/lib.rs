@@ -1,4 +1,4 @@
-//! An allocator that counts what is taken from the heap.
+//! An allocator that counts heap allocations.
 //!
 //! ```
 //! #[global_allocator]
@@ -11,18 +11,18 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What a thread has taken.
+/// The allocations of a thread.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub struct Taken {
-    /// How often.
+    /// The number of allocations.
     pub times: u64,
-    /// The largest piece, bytes.
+    /// The largest allocation, bytes.
     pub largest: usize,
-    /// What has not been given back, bytes.
+    /// Allocated and not yet freed, bytes.
     pub held: i64,
 }
 
-/// The system's allocator, and a count for each thread and for the process.
+/// The system's allocator, with a count for each thread and for the process.
 pub struct Counting;
 
 static TAKEN_BY_ALL: AtomicU64 = AtomicU64::new(0);
@@ -47,24 +47,24 @@ fn count(size: usize, given_back: usize) {
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size(), 0);
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the caller's guarantee is passed on.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         count(0, layout.size());
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the caller's guarantee is passed on.
         unsafe { System.dealloc(pointer, layout) }
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count(size, layout.size());
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the caller's guarantee is passed on.
         unsafe { System.realloc(pointer, layout, size) }
     }
 }
 
-/// What `work` takes in this thread.
+/// The allocations of `work` in this thread.
 ///
 /// # Panics
 /// When [`Counting`] is not the allocator of this program: then nothing would be counted.
@@ -77,7 +77,7 @@ pub fn taken_by(work: impl FnOnce()) -> Taken {
     TAKEN.get()
 }
 
-/// How often this process has taken something, all threads together.
+/// The number of allocations of this process, in all threads together.
 pub fn taken_by_all() -> u64 {
     TAKEN_BY_ALL.load(Ordering::Relaxed)
 }

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""What C and C++ cost against Rust, as ratios that are measured side by side: crates/escapement-c/benches/ratios.py [ROUNDS]
+"""The cost of C and C++ relative to Rust, as ratios measured side by side: crates/escapement-c/benches/ratios.py [ROUNDS]
 
-An exchange of 27 doubles each way between two processes, recorded: those of `escapement bench` in Rust, and the same in C and C++, take
-turns. The least and the middle of the rounds are printed. Needs cargo build --release --workspace, and a compiler; nothing of Python's.
+An exchange of 27 doubles each way between two processes, recorded: that of `escapement bench` in Rust, and the same in C and C++, are run
+in turn. Prints the minimum and the median of the rounds. Needs cargo build --release --workspace and a compiler, but no Python packages.
 """
 
 import os
@@ -25,7 +25,7 @@ def told(command, **more):
 
 
 def programs(folder):
-    """The programs of each language: by seat."""
+    """The programs of each language, by slot."""
     told([HERE.parent / "install.sh", folder / "prefix", BUILT])
     settings = {**os.environ, "PKG_CONFIG_PATH": str(folder / "prefix" / "lib" / "pkgconfig")}
     flags = told(["pkg-config", "--cflags", "--libs", "escapement"], env=settings).split()

@@ -1,4 +1,4 @@
-// What `escapement bench` exchanges, in C++: 27 doubles are taken, and passed on. RELAY_KIND is the kind.
+// The exchange of `escapement bench`, in C++: 27 doubles are read and forwarded. RELAY_KIND is the kind.
 #include <escapement.hpp>
 
 struct Parcel { double values[27]; };

@@ -21,7 +21,7 @@ to = "first.from"
 
 
 def exchange(escapement, folder, seats, steps):
-    """µs for an exchange. `seats` says what runs in the place of the builtins in Rust: the value of `run` by seat."""
+    """µs for an exchange. `seats` replaces the Rust builtins: the value of `run` by slot."""
     scenario = folder / "ring.toml"
     scenario.write_text(SCENARIO.format(steps=steps))
     command = [escapement, "run", scenario, "--json", "--quiet", "--force", "--out", folder / "ring"]

@@ -6,7 +6,7 @@
 //     Motion motion;
 //     run.newest("mass.motion", motion);
 //
-// A call gives true, or false with run.error() saying why. A run that goes out of scope is dropped.
+// A call returns true, or false on failure; run.error() then returns the reason. A run that goes out of scope is discarded.
 #ifndef ESCAPEMENT_RUN_HPP
 #define ESCAPEMENT_RUN_HPP
 
@@ -20,10 +20,10 @@
 
 namespace escapement {
 
-// What a run keeps, and changes of its scenario.
+// What is recorded of a run, and changes of its scenario.
 struct RunOptions {
     uint32_t record = ESCAPEMENT_RECORD_MEMORY;
-    std::string folder; // of ESCAPEMENT_RECORD_FOLDER; empty is a new one below runs/
+    std::string folder; // for ESCAPEMENT_RECORD_FOLDER; if empty, a new one below runs/
     std::vector<std::string> changes;
 };
 
@@ -63,22 +63,22 @@ class Run {
         own.reset(run);
     }
 
-    // Whether it could be started.
+    // Whether the run could be started.
     explicit operator bool() const { return started; }
-    // Why the last call that failed did; the run's.
+    // Why the last failed call failed; owned by the run.
     const char *error() const { return escapement_run_error(own.get()); }
     double now() const { return escapement_run_now(own.get()); }
     bool is_over() const { return escapement_run_is_over(own.get()) != 0; }
     bool to(double time) { return done(escapement_run_to(own.get(), time)); }
     bool step() { return done(escapement_run_step(own.get())); }
 
-    // Until `participant` is about to step; false when the run fails, or has come to its end.
+    // Advances the run until `participant` is about to step; false when the run fails, or has reached its end.
     bool before(const char *participant) {
         uint32_t held = 0;
         return done(escapement_run_before(own.get(), participant, &held)) && held != 0;
     }
 
-    // What "PARTICIPANT.INPUT" shows to that activation.
+    // The sample that "PARTICIPANT.INPUT" has in that activation.
     template <class Message> bool shown(const char *port, Message &message) {
         static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
         escapement_run_sample sample{};
@@ -88,7 +88,7 @@ class Run {
         return true;
     }
 
-    // Gives "PARTICIPANT.OUTPUT" of that activation in place of its step.
+    // Supplies "PARTICIPANT.OUTPUT" for that activation instead of a step of the participant.
     template <class Message> bool answer(const char *port, const Message &message) {
         static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
         return done(escapement_run_answer(own.get(), port, &message, sizeof message));
@@ -109,13 +109,13 @@ class Run {
         return done(escapement_run_field(own.get(), port, field, values, count));
     }
 
-    // Sets "PARTICIPANT.INPUT", which nobody feeds.
+    // Sets the unconnected input "PARTICIPANT.INPUT".
     template <class Message> bool set(const char *port, const Message &message) {
         static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
         return done(escapement_run_set(own.get(), port, &message, sizeof message));
     }
 
-    // What a participant has said by its log so far; empty where there is no run.
+    // The log of a participant so far; empty if there is no run.
     std::string log(const char *participant) {
         const char *lines = escapement_run_log(own.get(), participant);
         return lines ? lines : "";
@@ -123,7 +123,7 @@ class Run {
 
     bool figure(const char *name, double &value) { return done(escapement_run_figure(own.get(), name, &value)); }
 
-    // The state; false in a condition where it cannot be saved.
+    // The state; the checkpoint converts to false if the state cannot be saved.
     RunCheckpoint save() {
         escapement_run_checkpoint *checkpoint = nullptr;
         RunCheckpoint kept;
@@ -133,7 +133,7 @@ class Run {
 
     bool restore(const RunCheckpoint &checkpoint) { return done(escapement_run_restore(own.get(), checkpoint.own.get())); }
 
-    // Ends the run where it is.
+    // Ends the run at its present time.
     bool end(escapement_run_outcome &outcome) {
         outcome.size = sizeof outcome;
         return done(escapement_run_end(own.get(), &outcome));

@@ -7,17 +7,17 @@
 //         escapement::Input<Motion> neighbour;
 //         escapement::Output<Motion> motion;
 //         Motion mass{};
-//         explicit Spring(escapement::Setup &setup);           // says the kind and the ports, reads the parameters
-//         void initialise(double t);                           // may be left out
+//         explicit Spring(escapement::Setup &setup);           // declares the kind and the ports, reads the parameters
+//         void initialise(double t);                           // optional
 //         void step(const escapement::Step &step);             // or returns escapement_status
-//         void terminate(escapement::Termination why);         // once, when its part is over; may be left out
-//         void state(escapement::State &state) { state(mass); } // saved and restored; may be left out
+//         void terminate(escapement::Termination why);         // called once, when the participant ends; optional
+//         void state(escapement::State &state) { state(mass); } // saved and restored; optional
 //     };
 //     ESCAPEMENT_PARTICIPANT(spring, Spring, "1.0");
 //     ESCAPEMENT_PLUGIN(&spring);
 //     ESCAPEMENT_MAIN(&spring);
 //
-// An exception that leaves the constructor or a function becomes the participant's failure, in its own words. Without exceptions
+// An exception that leaves the constructor or a function becomes the participant's failure, with what() as the reason. Without exceptions,
 // a step returns host.fail("…").
 #ifndef ESCAPEMENT_HPP
 #define ESCAPEMENT_HPP
@@ -50,7 +50,7 @@ namespace escapement {
 
 using Step = escapement_step;
 
-// Why a participant's part in a run is over: it has done all of its activations; the run ends before that; another one takes its place.
+// Why a participant ends: it has executed all of its activations; the run ends earlier; another participant replaces it.
 enum class Termination : uint32_t { finished = ESCAPEMENT_FINISHED, stopped = ESCAPEMENT_STOPPED, replaced = ESCAPEMENT_REPLACED };
 
 constexpr uint32_t sampled = ESCAPEMENT_SAMPLED;
@@ -88,7 +88,7 @@ template <class T> constexpr escapement_field field(const char *name, const char
 
 namespace detail {
 
-// An enumeration has its values where others have a unit.
+// The `unit` of an enumeration holds its values.
 template <class T> constexpr escapement_field named(const char *name, const char *values, std::size_t offset) {
     using One = std::remove_all_extents_t<T>;
     static_assert(sizeof(One) == 1 && (std::is_enum_v<One> || std::is_same_v<One, unsigned char>),
@@ -100,7 +100,7 @@ template <class T> constexpr escapement_field named(const char *name, const char
     return made;
 }
 
-// A text and bytes have room, their last extent.
+// The last extent of a text and of bytes is their capacity.
 template <class T> constexpr escapement_field text(const char *name, std::size_t offset) {
     static_assert(std::is_array_v<T> && std::is_same_v<std::remove_all_extents_t<T>, char>, "a text is an array of char");
     escapement_field made = field<unsigned char[sizeof(T)]>(name, "1", "", offset);
@@ -117,7 +117,7 @@ template <class T> constexpr escapement_field bytes(const char *name, std::size_
 
 } // namespace detail
 
-// What the program that runs the participant offers at any time.
+// The services of the program that runs the participant which are available at any time.
 class Host {
   public:
     explicit Host(const escapement_host *host) : host_(host) {}
@@ -125,11 +125,11 @@ class Host {
     uint64_t seed() const { return host_->seed; }
     double period() const { return host_->period; } // s
     double offset() const { return host_->offset; } // s
-    // Says why the present call fails; return what it returns.
+    // Reports why the current call fails. The caller returns its result.
     escapement_status fail(const std::string &reason) const { return host_->fail(host_, reason.c_str()); }
-    // Writes a line into the log, with the simulated time: in `initialise`, `step` and `terminate`.
+    // In `initialise`, `step` and `terminate`: writes a line with the simulated time to the log.
     void log(const std::string &text) const { host_->log(host_, text.c_str()); }
-    // Draw number `index` of the random stream `stream`: uniform in [0, 1), or standard normal.
+    // Sample number `index` of the random stream `stream`: uniform in [0, 1), or standard normal.
     double uniform(const char *stream, uint64_t index) const { return host_->uniform(host_, stream, index); }
     double normal(const char *stream, uint64_t index) const { return host_->normal(host_, stream, index); }
 
@@ -137,14 +137,14 @@ class Host {
     const escapement_host *host_;
 };
 
-// What a participant's constructor is given. Parameters that are refused are kept by the host, and the participant is refused when the
-// constructor returns; so nothing need be looked at.
+// The argument of a participant's constructor. The host remembers rejected parameters and rejects the participant when the constructor
+// returns; so no status need be checked.
 class Setup : public Host {
   public:
     using Host::Host;
-    Host host() const { return *this; } // to keep
+    Host host() const { return *this; } // for the participant to keep
     void kind(uint32_t kind) { host_->kind(host_, kind); }
-    // A number in `unit`: the scenario says a text with any unit of its dimension; without a unit a plain number.
+    // A number in `unit`: the scenario has a string with any unit of the same dimension; without a unit, a plain number.
     double number(const char *key, const char *unit = "1") { return numbers_of(key, unit, 1, 0.0); }
     double number_or(const char *key, const char *unit, double otherwise) { return numbers_of(key, unit, 0, otherwise); }
     void numbers(const char *key, const char *unit, double *values, uint32_t count) {
@@ -198,7 +198,7 @@ class Setup : public Host {
 
 enum class Connected : uint32_t { optional = 0, required = 1 };
 
-// An input: to be read in `step`. It stays where it is made.
+// An input, read in `step`. It can be neither copied nor moved.
 template <class T> class Input {
   public:
     Input(Setup &setup, const char *name, Connected connected = Connected::required) {
@@ -214,7 +214,7 @@ template <class T> class Input {
     const void *at_ = nullptr;
 };
 
-// An output: to be written in `initialise` and `step`. What is not written keeps its last value.
+// An output, written in `initialise` and `step`. An output that is not written keeps its last value.
 template <class T> class Output {
   public:
     Output(Setup &setup, const char *name) : host_(setup.host_), number_(static_cast<uint32_t>(setup.outputs_->size())) {
@@ -225,7 +225,7 @@ template <class T> class Output {
     Output &operator=(const Output &) = delete;
     T &operator*() const { return *static_cast<T *>(at_); }
     T *operator->() const { return static_cast<T *>(at_); }
-    // Whether the sample that is written is seen, and any sample of the run; an unseen sample need not be computed.
+    // Whether the sample now being written is seen, and whether any sample of the output is seen in this run. An unseen sample need not be computed.
     bool is_seen() const { return escapement_is_seen(host_, number_) != 0; }
     bool is_ever_seen() const { return escapement_is_ever_seen(host_, number_) != 0; }
 
@@ -235,7 +235,7 @@ template <class T> class Output {
     void *at_ = nullptr;
 };
 
-// The state, on its way out or in: `state(first, second)` saves them, or restores them, in this order. Plain values and vectors of them.
+// A serialiser of the state: `state(first, second)` saves or restores its arguments in this order. Plain values and vectors of them.
 class State {
   public:
     template <class... T> void operator()(T &...values) { (one(values), ...); }
@@ -281,7 +281,7 @@ class State {
     bool bad_ = false;
 };
 
-// The table of the class T.
+// The function table of the class T.
 template <class T> struct Table {
     static constexpr escapement_participant of(const char *name, const char *version) {
         escapement_participant table{};
@@ -301,7 +301,7 @@ template <class T> struct Table {
     }
 
   private:
-    // The participant, and where it looks for its ports.
+    // The participant, and the pointers to its ports.
     struct Own {
         std::vector<const void **> inputs;
         std::vector<void **> outputs;
@@ -397,7 +397,7 @@ template <class T> struct Table {
         ESCAPEMENT_TRY_ {
             (void)self;
             if constexpr (has_end<T>(0)) {
-                // Not one that was only asked for its ports.
+                // Not called for a participant that was loaded only to query its ports.
                 if (const uint32_t why = escapement_termination(host))
                     self.participant.terminate(static_cast<Termination>(why));
             }
@@ -409,7 +409,7 @@ template <class T> struct Table {
 
     static void terminate(const escapement_host *host, void *own) {
         Own *self = static_cast<Own *>(own);
-        // What fails there is in the log: nothing depends on it any more.
+        // A failure here is only logged: nothing depends on it any more.
         (void)told(host, *self);
         delete self;
     }
@@ -417,7 +417,7 @@ template <class T> struct Table {
 
 } // namespace escapement
 
-// The message of a struct, in the namespace of the struct; it takes the name of the struct.
+// The message type of a struct, defined in the namespace of the struct, with the name of the struct.
 #define ESCAPEMENT_MESSAGE(type, ...)                                                                                          \
     inline const escapement_message &escapement_describe(const type *) {                                                       \
         static_assert(std::is_trivially_copyable_v<type> && std::is_standard_layout_v<type>, "a message is a plain struct");   \
@@ -438,7 +438,7 @@ template <class T> struct Table {
 #define ESCAPEMENT_BYTES_FIELD(type, field_) ::escapement::detail::bytes<decltype(type::field_)>(#field_, offsetof(type, field_))
 #define ESCAPEMENT_MATRIX(type, field_, unit, frame) ESCAPEMENT_FIELD(type, field_, unit, frame)
 
-// The table of a class, under the name by which scenarios know the participant.
+// The function table of a class, under the participant's name in scenarios.
 #define ESCAPEMENT_PARTICIPANT(name, type, version)                                                                            \
     static const escapement_participant name = ::escapement::Table<type>::of(#name, version)
 

@@ -1,4 +1,4 @@
-//! What stands behind an FMU: one participant, or a whole scenario.
+//! The body of an FMU: one participant, or a whole scenario.
 
 use lockstep::time::Rational;
 
@@ -6,44 +6,44 @@ use crate::parameter::Parameter;
 use crate::refusal::Refusal;
 use crate::variable::Ports;
 
-/// How much an instant or a step may differ from what it must be, of a period: importers add up times in doubles.
+/// The tolerance for instants and steps, relative to a period: importers add up times in doubles.
 const TOLERANCE: f64 = 1e-3;
 
 /// A state between two steps.
 pub struct State {
     /// As bytes, for any instance of the same FMU.
     pub bytes: Vec<u8>,
-    /// The quick way back, for the instance that saved it.
+    /// For fast restoring by the instance that saved it.
     pub kept: Option<engine::run::Checkpoint>,
 }
 
-/// What is stepped.
+/// The body that is stepped.
 pub trait Body {
     /// Its ports.
     fn ports(&self) -> &Ports;
 
-    /// Starts at `start` with `parameters`; whatever ran before is forgotten. Inputs keep their values.
+    /// Starts at `start` with `parameters`; any earlier execution is discarded. Inputs keep their values.
     ///
     /// # Errors
-    /// A parameter that is refused, or why it cannot start.
+    /// A parameter that is rejected, or the reason why the body cannot start.
     fn begin(&mut self, parameters: &[Parameter], start: Rational) -> Result<(), String>;
 
-    /// Forgets everything: as it was made.
+    /// Resets to the state after construction.
     fn reset(&mut self);
 
-    /// The instant up to which it was stepped, s.
+    /// The instant up to which the body has been stepped, s.
     fn time(&self) -> f64;
 
     /// The payload of input number `port`.
     fn input(&self, port: usize) -> &[u8];
 
-    /// Puts `bytes` into the payload of input number `port`, from byte `at` on.
+    /// Copies `bytes` into the payload of input number `port`, starting at byte `at`.
     fn set(&mut self, port: usize, at: usize, bytes: &[u8]);
 
     /// The payload of output number `port` at [`Body::time`].
     ///
     /// # Errors
-    /// When it must be computed for that, and fails.
+    /// When the output must be computed for this and the computation fails.
     fn output(&mut self, port: usize) -> Result<&[u8], String>;
 
     /// Figure of merit number `number`.
@@ -52,16 +52,16 @@ pub trait Body {
     /// When it cannot be computed.
     fn figure(&mut self, number: usize) -> Result<f64, String>;
 
-    /// From `from` to `from + span`, s.
+    /// Steps from `from` to `from + span`, s.
     ///
     /// # Errors
-    /// A step that cannot be is discarded.
+    /// An impossible step is discarded.
     fn advance(&mut self, from: f64, span: f64) -> Result<(), Refusal>;
 
-    /// What participants have said since this was asked last.
+    /// The log lines of participants since the last call.
     fn said(&mut self) -> Vec<String>;
 
-    /// Whether nothing comes any more: the end of the scenario.
+    /// Whether the end of the scenario has been reached.
     fn is_over(&self) -> bool {
         false
     }
@@ -72,17 +72,17 @@ pub trait Body {
     /// When it cannot be saved.
     fn save(&mut self) -> Result<State, String>;
 
-    /// Goes back to a state; `parameters` are those with which it was begun.
+    /// Restores a state; `parameters` are those with which it was begun.
     ///
     /// # Errors
-    /// When it is damaged or another FMU's.
+    /// When the state is damaged or from another FMU.
     fn restore(&mut self, parameters: &[Parameter], state: &State) -> Result<(), String>;
 }
 
-/// How many steps of `period` lie between `now` and `from + span`, if `from` is now.
+/// The number of steps of `period` between `now` and `from + span`, if `from` equals `now`.
 ///
 /// # Errors
-/// Says what a step may be.
+/// States which steps are allowed.
 pub fn steps(now: f64, period: f64, from: f64, span: f64) -> Result<u64, Refusal> {
     if from.is_nan() || (from - now).abs() > TOLERANCE * period {
         return Err(Refusal::error(format!(
@@ -108,7 +108,7 @@ pub fn exact(value: f64) -> Result<Rational, String> {
     if !value.is_finite() || value.abs() > f64::from(1 << 20) * f64::from(1 << 20) {
         return Err(refuse());
     }
-    // Convergents of the continued fraction; the first one that rounds to the value is it.
+    // Convergents of the continued fraction; the result is the first one that rounds to the value.
     let (mut before, mut last) = ((0_i128, 1_i128), (1_i128, 0_i128));
     let mut rest = value.abs();
     for _ in 0..64 {
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn step_is_a_whole_number_of_periods() {
         assert_eq!(steps(0.1, 0.01, 0.1, 0.01).unwrap(), 1);
-        // As an importer adds it up.
+        // Summed up as an importer does.
         assert_eq!(steps(0.3, 0.1, 0.1 + 0.2, 0.30000000000000004).unwrap(), 3);
         assert_eq!(steps(0.1, 0.01, 0.1, 0.015).unwrap_err().status, Status::Discard);
         assert_eq!(steps(0.1, 0.01, 0.1, 0.0).unwrap_err().status, Status::Discard);

@@ -9,14 +9,14 @@ use crate::kind::Native;
 use crate::log::{CATEGORIES, MESSAGES};
 use crate::refusal::{Refusal, Status};
 
-/// An instance, as the importer has it.
+/// An instance, as the importer holds it.
 pub type Pointer = *mut c_void;
 
-/// What a panic becomes: no instance can be used any more.
+/// The status after a panic: no instance can be used any more.
 const FATAL: c_int = 4;
 
-/// Does `work` with the instance behind `pointer`, and gives the status as the importer takes it. After an error nothing is done but
-/// what `anyway` allows.
+/// Calls `work` with the instance behind `pointer`, and returns the status in the importer's type. After an error only what `anyway`
+/// allows is executed.
 ///
 /// # Safety
 /// `pointer` is null, or an instance that was not freed.
@@ -43,7 +43,7 @@ pub unsafe fn call(pointer: Pointer, anyway: bool, work: impl FnOnce(&mut Instan
     done.unwrap_or(FATAL)
 }
 
-/// An instance for the importer.
+/// Passes an instance to the importer.
 pub fn give(instance: Instance) -> Pointer {
     Box::into_raw(Box::new(instance)).cast()
 }
@@ -54,10 +54,10 @@ pub fn give(instance: Instance) -> Pointer {
 /// As for [`call`].
 pub unsafe fn free(pointer: Pointer) {
     if !pointer.is_null() {
-        // SAFETY: it was given by `give`.
+        // SAFETY: it was returned by `give`.
         let mut instance = unsafe { Box::from_raw(pointer.cast::<Instance>()) };
         let _ = catch_unwind(AssertUnwindSafe(|| {
-            // Participants may say something at their end.
+            // Participants may log something at their end.
             instance.reset();
             instance.pass_on();
             drop(instance);
@@ -65,7 +65,7 @@ pub unsafe fn free(pointer: Pointer) {
     }
 }
 
-/// A text of the importer.
+/// A string of the importer.
 ///
 /// # Safety
 /// `at` is null, or ends with a zero byte.
@@ -77,7 +77,7 @@ pub unsafe fn text(at: *const c_char) -> String {
     unsafe { CStr::from_ptr(at) }.to_string_lossy().into_owned()
 }
 
-/// A list of the importer; empty where there is none.
+/// A list of the importer; empty if there is none.
 ///
 /// # Safety
 /// `at` is null, or has `count` elements.
@@ -89,7 +89,7 @@ pub unsafe fn list<'a, T>(at: *const T, count: usize) -> &'a [T] {
     unsafe { std::slice::from_raw_parts(at, count) }
 }
 
-/// `fmi2SetDebugLogging`, `fmi3SetDebugLogging`: errors are said in any case.
+/// `fmi2SetDebugLogging`, `fmi3SetDebugLogging`: errors are logged in any case.
 ///
 /// # Safety
 /// As for [`call`]; `categories` has `count` elements, which end with a zero byte.
@@ -110,7 +110,7 @@ pub unsafe fn hear(pointer: Pointer, on: bool, categories: *const *const c_char,
     unsafe { call(pointer, true, work) }
 }
 
-/// Reads variables into memory of the importer, which has room for `room` values; as many as there are variables where it does not say.
+/// Reads variables into memory of the importer, which has room for `room` values, or for one per variable if `room` is not given.
 ///
 /// # Safety
 /// The lists are as long as they say.
@@ -220,7 +220,7 @@ pub unsafe fn set_texts(
     unsafe { call(pointer, false, work) }
 }
 
-/// Reads bytes, with their numbers into `sizes`.
+/// Reads binary variables, and their sizes into `sizes`.
 ///
 /// # Safety
 /// As for [`get`].
@@ -248,7 +248,7 @@ pub unsafe fn get_binaries(
     unsafe { call(pointer, false, work) }
 }
 
-/// Sets bytes.
+/// Sets binary variables.
 ///
 /// # Safety
 /// As for [`get`].
@@ -274,7 +274,7 @@ pub unsafe fn set_binaries(
     unsafe { call(pointer, false, work) }
 }
 
-/// Saves the state: into the one that `kept` holds, or a new one.
+/// Saves the state: into the one that `kept` points to, or into a new one.
 ///
 /// # Safety
 /// `kept` points to null or a state of this FMU.
@@ -292,7 +292,7 @@ pub unsafe fn save(pointer: Pointer, kept: *mut Pointer) -> c_int {
     unsafe { call(pointer, false, work) }
 }
 
-/// Goes back to a state.
+/// Restores a state.
 ///
 /// # Safety
 /// `kept` is null, or a state of this FMU.
@@ -306,7 +306,7 @@ pub unsafe fn restore(pointer: Pointer, kept: Pointer) -> c_int {
     unsafe { call(pointer, true, work) }
 }
 
-/// Frees a state, and says so where it stood.
+/// Frees a state, and sets the importer's pointer to null.
 ///
 /// # Safety
 /// As for [`save`].
@@ -320,7 +320,7 @@ pub unsafe fn free_state(kept: *mut Pointer) {
     }
 }
 
-/// The bytes of a state, or how many they are.
+/// Passes the bytes of a state, or their number, to `work`.
 ///
 /// # Safety
 /// `kept` is null, or a state of this FMU; `work` is called at most once.
@@ -348,7 +348,7 @@ pub unsafe fn state_size(pointer: Pointer, kept: Pointer, size: *mut usize) -> c
     }
 }
 
-/// A state into memory of the importer.
+/// Copies a state into memory of the importer.
 ///
 /// # Safety
 /// As for [`state_bytes`]; `to` has room for `room` bytes.
@@ -366,7 +366,7 @@ pub unsafe fn serialise(pointer: Pointer, kept: Pointer, to: *mut u8, room: usiz
     }
 }
 
-/// A state from bytes.
+/// Makes a state from bytes.
 ///
 /// # Safety
 /// `from` has `size` bytes; `kept` as for [`save`].
@@ -385,7 +385,7 @@ pub unsafe fn deserialise(pointer: Pointer, from: *const u8, size: usize, kept: 
     unsafe { call(pointer, true, work) }
 }
 
-/// A function that the FMU does not have.
+/// A function that the FMU does not support.
 ///
 /// # Safety
 /// As for [`call`].
@@ -399,7 +399,7 @@ pub unsafe fn missing(pointer: Pointer, name: &str) -> c_int {
     unsafe { call(pointer, true, work) }
 }
 
-/// The folder that an importer says in FMI 2.0 as a URI, in FMI 3.0 as a path.
+/// The resource folder that an importer passes: in FMI 2.0 as a URI, in FMI 3.0 as a path.
 pub fn folder(said: &str) -> PathBuf {
     let Some(rest) = said.strip_prefix("file:") else {
         return PathBuf::from(said);
@@ -427,7 +427,7 @@ pub fn folder(said: &str) -> PathBuf {
     PathBuf::from(std::ffi::OsString::from_vec(bytes))
 }
 
-/// Refuses a processor that lacks what this library is compiled for.
+/// Rejects a processor that lacks a feature for which this library was compiled.
 ///
 /// # Errors
 /// Names what is missing.

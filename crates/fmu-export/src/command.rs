@@ -1,4 +1,4 @@
-//! The export as a C function: the program asks its library for it, so that FMUs are made by what runs in them.
+//! The export as a C function: the program calls its own library, so that FMUs are exported by the code that runs in them.
 
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -9,10 +9,10 @@ use engine::Catalogue;
 use crate::call::text;
 use crate::export::{Request, export};
 
-/// Takes what is to be printed: `context`, whether it is an error (1) or not (0), and the text, which lasts as long as the call.
+/// Callback for output: `context`, whether the text is an error (1) or not (0), and the text, which is valid during the call.
 pub type Say = unsafe extern "C" fn(*mut c_void, c_int, *const c_char);
 
-/// Exports what `request`, a TOML document, asks for. Gives the exit code.
+/// Exports what `request`, a TOML document, specifies. Returns the exit code.
 ///
 /// # Safety
 /// `request` is a text; `say` may be called with `context`.

@@ -12,31 +12,31 @@ use crate::parameter::{Held, Parameter};
 use crate::unit;
 use crate::variable::{Place, Ports, Variable};
 
-/// What a model description says besides the variables.
+/// The content of a model description apart from the variables.
 pub struct About<'a> {
     /// The version of the standard.
     pub version: Version,
-    /// The name of the model, and of its library.
+    /// The name of the model and of its library.
     pub identifier: &'a str,
-    /// What it is called.
+    /// The model's display name.
     pub model: &'a str,
     /// One line about it.
     pub description: &'a str,
-    /// What made it.
+    /// The generating tool.
     pub tool: &'a str,
-    /// By which library and description belong together.
+    /// The token by which library and description are matched.
     pub token: &'a str,
     /// Whether the state can be saved.
     pub state: bool,
-    /// Steps are whole multiples of it.
+    /// Steps are whole multiples of this.
     pub period: Rational,
     /// The start of the experiment.
     pub start: Rational,
-    /// Its end.
+    /// The end of the experiment.
     pub stop: Option<Rational>,
 }
 
-/// Text in an attribute.
+/// Escapes text for an attribute.
 fn quoted(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
@@ -149,7 +149,7 @@ fn units(text: &mut String, variables: &[Variable], parameters: &[Parameter]) {
     text.push_str("  </UnitDefinitions>\n");
 }
 
-/// The enumerations, each once, in the order in which variables have them.
+/// The enumerations, each once, in the order in which variables use them.
 fn types(variables: &[Variable]) -> Vec<&[EnumValue]> {
     let mut all: Vec<&[EnumValue]> = Vec::new();
     for variable in variables.iter().filter(|one| one.kind == Kind::Enumeration) {
@@ -209,7 +209,7 @@ fn nature(variable: &Variable, ports: &Ports) -> (&'static str, &'static str, Op
     }
 }
 
-/// The start values of a variable, where it has any, as a list in an attribute; a text stands for itself.
+/// The start values of a variable that has any, as a list in an attribute; a text is returned unchanged.
 fn start(variable: &Variable, parameters: &[Parameter]) -> Option<String> {
     let zeros;
     let bytes: &[u8] = match variable.place {
@@ -232,7 +232,7 @@ fn start(variable: &Variable, parameters: &[Parameter]) -> Option<String> {
         Kind::Number(element) => element.whole(bytes).to_string(),
         Kind::Enumeration => bytes[0].to_string(),
         Kind::Boolean => (bytes[0] != 0).to_string(),
-        // An input is empty at first.
+        // An input is initially empty.
         Kind::Text | Kind::Content(_) => String::new(),
     };
     let all: Vec<String> = bytes.chunks_exact(variable.kind.size()).map(one).collect();

@@ -1,4 +1,4 @@
-//! Making an FMU.
+//! The export of an FMU.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -20,42 +20,42 @@ use crate::usage;
 use crate::variable::Variable;
 use crate::whole::{self, Whole};
 
-/// What is to be exported.
+/// The export request.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// The version of the program that asks.
+    /// The version of the program that requests the export.
     pub version: String,
     /// The scenario.
     pub scenario: PathBuf,
-    /// Changes of it, as `--set` takes them.
+    /// Changes of the scenario, in the syntax of `--set`.
     #[serde(default)]
     pub set: Vec<String>,
-    /// The one participant; the whole scenario without it.
+    /// The participant to export; if absent, the whole scenario.
     pub participant: Option<String>,
-    /// Of a whole scenario: inputs that the importer sets.
+    /// For a whole scenario: the inputs that the importer sets.
     #[serde(default)]
     pub inputs: Vec<String>,
-    /// Of a whole scenario: outputs that it reads; all without any.
+    /// For a whole scenario: the outputs that the importer reads; all if empty.
     #[serde(default)]
     pub outputs: Vec<String>,
     /// The major version of the standard.
     pub fmi: u32,
-    /// Of a whole scenario: it keeps nothing of what was, and cannot be saved.
+    /// For a whole scenario: it keeps no history, and cannot be saved.
     #[serde(default)]
     pub stateless: bool,
-    /// The FMU; named after the model in the present folder without it.
+    /// The path of the FMU; if absent, it is named after the model, in the working directory.
     pub out: Option<PathBuf>,
-    /// The library that is packed.
+    /// The library to pack.
     pub library: PathBuf,
 }
 
-/// Why nothing was exported.
+/// The reason why nothing was exported.
 #[derive(Debug)]
 pub struct ExportError {
-    /// What is wrong, with the remedy.
+    /// The problem, with the remedy.
     pub text: String,
-    /// Whether the scenario or the command line is wrong, not the machine.
+    /// Whether the cause is the scenario or the command line, not the machine.
     pub refused: bool,
 }
 
@@ -73,19 +73,19 @@ fn broken(text: impl Into<String>) -> ExportError {
     }
 }
 
-/// Everything that goes into the archive.
+/// The content of the archive.
 struct Parts {
     manifest: Manifest,
     scenario: ScenarioSpec,
-    /// Files beside the scenario, by name.
+    /// Files in the scenario's folder, by name.
     files: Vec<(String, PathBuf)>,
     description: String,
 }
 
-/// Writes the FMU, and says what to do with it.
+/// Writes the FMU, and returns instructions for its use.
 ///
 /// # Errors
-/// What is refused, or cannot be read or written.
+/// What is rejected, or cannot be read or written.
 pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, ExportError> {
     if request.version != catalogue.version() {
         return Err(refuse(format!(
@@ -103,7 +103,7 @@ pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, E
     };
     let (manifest, text) = (write(&parts.manifest)?, parts.scenario.to_text());
     let token = token(&manifest, &text);
-    // As its library will read it, but for where the files lie.
+    // As its library will read it, except for the locations of files.
     let mut here = parts.scenario.clone();
     relocate(&mut here, &|name| {
         parts
@@ -183,7 +183,7 @@ fn write(manifest: &Manifest) -> Result<String, ExportError> {
     toml::to_string(manifest).map_err(|error| broken(error.to_string()))
 }
 
-/// A name that may be one in C.
+/// A valid C identifier made from a name.
 fn identifier(name: &str) -> String {
     let letters = name
         .chars()
@@ -196,7 +196,7 @@ fn identifier(name: &str) -> String {
     }
 }
 
-/// The scenario of one participant alone.
+/// A scenario of one participant alone.
 fn participant(scenario: &Scenario, name: &str, fmi: u32) -> Result<Parts, ExportError> {
     let entry = scenario.participants.iter().find(|entry| entry.setup.name == name);
     let entry = entry.ok_or_else(|| {
@@ -304,7 +304,7 @@ fn checked(model: Model, version: Version) -> Result<Model, ExportError> {
     }
 }
 
-/// Whether the participant can be saved once it has begun, which is tried.
+/// Whether the participant can be saved after its start, found out by trying it.
 fn can_save(scenario: &Scenario, entry: &Entry) -> Result<bool, ExportError> {
     let mut single = Single::new(scenario.clone(), entry.clone()).map_err(refuse)?;
     let start = exact(entry.setup.offset).map_err(refuse)?;
@@ -312,7 +312,7 @@ fn can_save(scenario: &Scenario, entry: &Entry) -> Result<bool, ExportError> {
     Ok(single.save().is_ok())
 }
 
-/// The files that consist of participants' code go along, under names of their own.
+/// Adds the files with participants' code to the archive, under unique names.
 fn pack_files<'a>(
     scenario: &mut ScenarioSpec,
     entries: impl Iterator<Item = &'a Entry>,
@@ -342,7 +342,7 @@ fn pack_files<'a>(
     }
 }
 
-/// Puts other files in the places of those that participants consist of.
+/// Replaces the paths of the files with participants' code.
 fn relocate(scenario: &mut ScenarioSpec, place: &dyn Fn(&str) -> Option<PathBuf>) {
     for own in scenario.participants.values_mut() {
         for file in [&mut own.run.library, &mut own.run.fmu].into_iter().flatten() {

@@ -1,9 +1,9 @@
-//! The C functions of an exported FMU's library, which [`fmu!`] writes into it.
+//! The C functions of an exported FMU's library, which [`fmu!`] defines.
 
-/// Makes the library of FMUs of a program: what `fmu export` packs into every FMU that it makes.
+/// Defines the FMU library of a program: `fmu export` packs this library into every FMU that it exports.
 ///
-/// It belongs into a package of its own with `crate-type = ["cdylib"]`, called `NAME_fmu` for the program `NAME`. The first argument fills
-/// the catalogue as the program's own is filled; the second one is the version of Escapement.
+/// It belongs in a separate package with `crate-type = ["cdylib"]`, called `NAME_fmu` for the program `NAME`. The first argument fills the
+/// catalogue, with the same contents as that of the program; the second one is the version of Escapement.
 ///
 /// ```
 /// use engine::Catalogue;
@@ -144,7 +144,7 @@ macro_rules! fmu {
     };
 }
 
-/// Writes the functions: each calls what stands behind its name, and nothing else.
+/// Defines the functions: each calls the expression given for it, and nothing else.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! functions {
@@ -153,7 +153,7 @@ macro_rules! functions {
             #[unsafe(no_mangle)]
             #[allow(non_snake_case, clippy::too_many_arguments, clippy::allow_attributes, reason = "the standard's")]
             unsafe extern "C" fn $name($($argument: $type),*) $(-> $result)? {
-                // SAFETY: the arguments are as the standard says: the importer answers for them.
+                // SAFETY: the arguments are as the standard says: the importer is responsible for them.
                 #[allow(unused_unsafe, reason = "a few call nothing")]
                 unsafe { $call }
             }

@@ -1,4 +1,4 @@
-//! An instance: what both versions of the standard have in common.
+//! An FMU instance: what both versions of the standard have in common.
 
 mod contents;
 
@@ -19,7 +19,7 @@ use crate::parameter::{Held, Parameter};
 use crate::refusal::{Refusal, Status};
 use crate::variable::{Place, Variable};
 
-/// Where an instance stands in its life.
+/// The mode of an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mode {
     /// Parameters and start values can be set.
@@ -28,7 +28,7 @@ pub enum Mode {
     Initialisation,
     /// Between steps.
     Step,
-    /// The end.
+    /// Terminated.
     Terminated,
 }
 
@@ -42,21 +42,21 @@ pub struct Instance {
     start: f64,
     body: Box<dyn Body>,
     parameters: Vec<Parameter>,
-    /// The parameters as they are without the importer.
+    /// The parameters before changes by the importer.
     defaults: Vec<Parameter>,
     variables: Vec<Variable>,
-    /// Texts that were handed out by the last call.
+    /// Strings returned by the last call.
     texts: Vec<CString>,
-    /// The same of bytes.
+    /// Binary values returned by the last call.
     binaries: Vec<Vec<u8>>,
     saves: bool,
-    /// Parameters were set since it began.
+    /// Whether parameters were set since the body began.
     outdated: bool,
-    /// Whether the importer wants to hear what participants say.
+    /// Whether the importer wants the participants' log lines.
     hears: bool,
 }
 
-/// A state of an instance, which the importer holds.
+/// A saved state of an instance, held by the importer.
 pub struct Kept {
     bytes: Vec<u8>,
     body: State,
@@ -73,10 +73,10 @@ struct Saved {
 }
 
 impl Instance {
-    /// The instance of the FMU whose resources are in `resources`.
+    /// Creates an instance of the FMU whose resources are in `resources`.
     ///
     /// # Errors
-    /// Why there is none.
+    /// The reason why no instance can be created.
     pub fn new(
         catalogue: &Arc<Catalogue>,
         version: Version,
@@ -124,12 +124,12 @@ impl Instance {
         })
     }
 
-    /// Says something in the importer's log.
+    /// Writes a message to the importer's log.
     pub fn say(&self, status: Status, text: &str) {
         self.log.write(status, text);
     }
 
-    /// Hands on what participants have said since the last call.
+    /// Forwards the participants' log lines since the last call.
     pub fn pass_on(&mut self) {
         for line in self.body.said() {
             if self.hears {
@@ -138,34 +138,34 @@ impl Instance {
         }
     }
 
-    /// Whether the importer wants to hear what participants say.
+    /// Sets whether the importer wants the participants' log lines.
     pub fn set_hears(&mut self, hears: bool) {
         self.hears = hears;
     }
 
-    /// Says why something was refused, and takes note that it has failed.
+    /// Logs why a call was rejected, and records whether the instance has failed.
     pub fn refused(&mut self, refusal: &Refusal) -> Status {
         self.failed |= refusal.status == Status::Error;
         self.say(refusal.status, &refusal.text);
         refusal.status
     }
 
-    /// Whether it has failed: then it can be reset, given another state, or freed.
+    /// Whether the instance has failed: it can then only be reset, given another state, or freed.
     pub fn is_failed(&self) -> bool {
         self.failed
     }
 
-    /// Where it stands.
+    /// The present mode.
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// The instant up to which it was stepped, s.
+    /// The instant up to which the instance has been stepped, s.
     pub fn time(&self) -> f64 {
         self.body.time()
     }
 
-    /// Whether nothing comes any more.
+    /// Whether the end of the scenario has been reached.
     pub fn is_over(&self) -> bool {
         self.body.is_over()
     }
@@ -187,7 +187,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Enters the initialization mode: the participant is made and initialised.
+    /// Enters the initialization mode: the participant is created and initialised.
     pub fn initialise(&mut self) -> Result<(), Refusal> {
         self.must(&[Mode::Instantiated], "entering the initialization mode")?;
         self.begin()?;
@@ -200,12 +200,12 @@ impl Instance {
         Ok(self.body.begin(&self.parameters, exact(self.start)?)?)
     }
 
-    /// Begins again where parameters were set in the initialization mode.
+    /// Restarts if parameters were set in the initialization mode.
     fn settle(&mut self) -> Result<(), Refusal> {
         if self.outdated { self.begin() } else { Ok(()) }
     }
 
-    /// Leaves it.
+    /// Leaves the initialization mode.
     pub fn initialised(&mut self) -> Result<(), Refusal> {
         self.must(&[Mode::Initialisation], "leaving the initialization mode")?;
         self.settle()?;
@@ -219,14 +219,14 @@ impl Instance {
         self.body.advance(from, span)
     }
 
-    /// The end.
+    /// Terminates.
     pub fn terminate(&mut self) -> Result<(), Refusal> {
         self.must(&[Mode::Step, Mode::Initialisation], "the end")?;
         self.mode = Mode::Terminated;
         Ok(())
     }
 
-    /// As it was instantiated.
+    /// Resets to the state after instantiation.
     pub fn reset(&mut self) {
         self.body.reset();
         self.parameters.clone_from(&self.defaults);
@@ -252,7 +252,7 @@ impl Instance {
         Ok(reference as usize)
     }
 
-    /// How many values the variables have together.
+    /// The total number of values of the variables.
     pub fn count(&self, references: &[u32], native: Native) -> Result<usize, Refusal> {
         let mut count = 0;
         for reference in references {
@@ -261,7 +261,7 @@ impl Instance {
         Ok(count)
     }
 
-    /// The values of variables, one behind the other in `to`.
+    /// Reads the values of variables consecutively into `to`.
     pub fn get(&mut self, references: &[u32], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
         self.settle()?;
         let (mut rest, each) = (to, native.size());
@@ -302,7 +302,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Sets variables to the values that stand one behind the other in `from`.
+    /// Sets variables to the consecutive values in `from`.
     pub fn set(&mut self, references: &[u32], native: Native, from: &[u8]) -> Result<(), Refusal> {
         let (mut rest, each) = (from, native.size());
         for reference in references {
@@ -356,7 +356,7 @@ impl Instance {
         )))
     }
 
-    /// The state.
+    /// Saves the state.
     pub fn save(&mut self) -> Result<Kept, Refusal> {
         if !self.saves {
             let text = "the participant cannot save its state: it has no `save` and `restore`";
@@ -376,7 +376,7 @@ impl Instance {
         Ok(Kept { bytes, body })
     }
 
-    /// Goes back to a state, also after a failure.
+    /// Restores a state, also after a failure.
     pub fn restore(&mut self, kept: &Kept) -> Result<(), Refusal> {
         let saved: Saved = wire::decode("the state of an FMU", &kept.bytes).map_err(|error| error.to_string())?;
         if saved.token != self.token {
@@ -396,7 +396,7 @@ impl Instance {
         Ok(())
     }
 
-    /// The inputs that the variable `reference` follows from at the same instant.
+    /// The inputs on which the variable `reference` depends at the same instant.
     pub fn dependencies(&self, reference: u32) -> Result<Vec<u32>, Refusal> {
         let variable = self.variables.get(reference as usize);
         let variable = variable.ok_or_else(|| Refusal::error(format!("there is no variable {reference}")))?;
@@ -411,12 +411,12 @@ impl Instance {
 }
 
 impl Kept {
-    /// As bytes.
+    /// The state as bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// From bytes, which may come from a file.
+    /// A state from bytes, which may come from a file.
     pub fn of_bytes(bytes: &[u8]) -> Result<Kept, String> {
         let saved: Saved = wire::decode("the state of an FMU", bytes).map_err(|error| error.to_string())?;
         let body = State {

@@ -1,4 +1,4 @@
-//! The types of variables, and how values pass between a payload and a caller.
+//! The types of variables, and the conversion of values between a payload and a caller.
 
 use lockstep::port::Element;
 
@@ -16,19 +16,19 @@ pub enum Version {
 /// The type of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Numbers as a payload has them.
+    /// Numbers as stored in a payload.
     Number(Element),
     /// A truth value, one byte.
     Boolean,
-    /// An enumeration, one byte: the standard's functions have an Integer (FMI 2.0) or an Int64 (FMI 3.0) for it.
+    /// An enumeration, one byte: the standard's functions use an Integer (FMI 2.0) or an Int64 (FMI 3.0) for it.
     Enumeration,
     /// A text that is a parameter.
     Text,
-    /// A text or bytes in a payload, with their room.
+    /// A text or bytes in a payload, with their capacity.
     Content(Element),
 }
 
-/// What a caller's values are: one get and one set function of the standard for each.
+/// The type of a caller's values: one get and one set function of the standard for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the names are the standard's")]
 pub enum Native {
@@ -64,7 +64,7 @@ impl Native {
 }
 
 impl Kind {
-    /// Bytes of one element where it is kept.
+    /// Bytes of one stored element.
     pub fn size(self) -> usize {
         match self {
             Kind::Number(element) => element.size(),
@@ -79,11 +79,11 @@ impl Kind {
         matches!(self, Kind::Number(Element::F64 | Element::F32))
     }
 
-    /// The function that takes it.
+    /// The type of the function that gets and sets it.
     pub fn native(self, version: Version) -> Native {
         match (version, self) {
             (_, Kind::Text | Kind::Content(Element::Text(_))) => Native::Text,
-            // FMI 2.0 has none: ports with bytes are not exported for it.
+            // FMI 2.0 has none: ports with bytes are not exported to it.
             (_, Kind::Content(_)) => Native::Binary,
             (Version::Two, Kind::Number(Element::F64 | Element::F32)) => Native::Float64,
             (Version::Two, Kind::Number(_) | Kind::Enumeration) => Native::Int32,
@@ -100,7 +100,7 @@ impl Kind {
                 Element::I16 => Native::Int16,
                 Element::U16 => Native::UInt16,
                 Element::I8 => Native::Int8,
-                // What is no number has a kind of its own.
+                // Non-numeric fields have kinds of their own.
                 _ => Native::UInt8,
             },
         }
@@ -140,10 +140,10 @@ impl Kind {
         }
     }
 
-    /// One element, which stands at the start of `from`, as a caller's value.
+    /// Converts one element, at the start of `from`, to a caller's value.
     ///
     /// # Errors
-    /// A whole number that the caller's type does not hold.
+    /// When the caller's type cannot hold a whole number.
     pub fn give(self, from: &[u8], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
         let size = self.size();
         match (self, native) {
@@ -169,7 +169,7 @@ impl Kind {
         Ok(())
     }
 
-    /// Puts a caller's value to the start of `to`.
+    /// Converts a caller's value to an element, at the start of `to`.
     ///
     /// # Errors
     /// A number that is not finite, or does not fit into the element.
@@ -194,7 +194,7 @@ impl Kind {
                 Element::F32.put(Element::F64.to_f64(from), &mut to[..size])
             }
             (Kind::Enumeration, Native::Int32 | Native::Int64) => {
-                // Which bytes it has is for the field to say; what is more than a byte is none of them.
+                // The field checks which values are valid; a value above one byte is always invalid.
                 if from[1..].iter().any(|byte| *byte != 0) {
                     let refused = "cannot be set to a number that is no item of its enumeration";
                     return Err(Refusal::discard(refused.to_owned()));

@@ -1,13 +1,13 @@
 //! Participants and scenarios as FMUs, FMI 2.0 and 3.0 for co-simulation.
 //!
-//! One shared library has the functions of both versions, and everything that runs in FMUs: [`fmu!`] makes it of a program's catalogue.
-//! [`export()`] packs it with a model description and a scenario; when an importer loads it, the library reads that scenario and
-//! steps one participant of it, without an orchestrator and without shared memory.
+//! One shared library has the functions of both versions, and everything that runs in FMUs: [`fmu!`] defines it from a program's
+//! catalogue. [`export()`] packs it with a model description and a scenario. When an importer loads it, the library reads that scenario
+//! and steps one participant of it, or the whole scenario, without an orchestrator and without shared memory.
 //!
-//! - [`manifest`](crate::Manifest): what stands in the resources; `model`: from there to what runs;
-//! - `variable`, `parameter`, `kind`, `unit`: what an importer sees of it; `describe`: the same as XML;
+//! - [`manifest`](crate::Manifest): the content of the resources; `model`: builds what runs from them;
+//! - `variable`, `parameter`, `kind`, `unit`: the importer's view; `describe`: that view as XML;
 //! - `body`: what is stepped: `single`, one participant, or `whole`, a scenario;
-//! - `instance`: the life of an instance; `two`, `three`, `call`: the C functions.
+//! - `instance`: the life cycle of an instance; `two`, `three`, `call`: the C functions.
 
 mod body;
 #[doc(hidden)]
@@ -41,7 +41,7 @@ pub use command::Say;
 pub use export::{ExportError, Request, export};
 pub use manifest::Manifest;
 
-/// For the functions that [`fmu!`] writes.
+/// For the functions that [`fmu!`] defines.
 #[doc(hidden)]
 pub mod __private {
     pub use std::ffi::{c_char, c_int, c_void};

@@ -1,16 +1,16 @@
-//! What the participants of an FMU say, until the importer's call ends: its log belongs to the thread that calls.
+//! Buffer for the log lines of an FMU's participants until the end of the importer's call: the importer's log is for the calling thread.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use engine::{Event, Observer};
 use lockstep::participant::{Line, Sink};
 
-/// Lines in the order in which they came.
+/// Lines in the order of their arrival.
 #[derive(Clone, Default)]
 pub struct Lines(Arc<Mutex<Vec<String>>>);
 
 impl Lines {
-    /// Those that came since they were taken last.
+    /// Takes the lines that have arrived since the last call.
     pub fn take(&self) -> Vec<String> {
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }

@@ -9,13 +9,13 @@ pub type LoggerTwo = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *co
 /// `fmi3LogMessageCallback`.
 pub type LoggerThree = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 
-/// What the participants of the FMU say themselves.
+/// Log lines of the FMU's participants.
 pub const MESSAGES: &str = "logMessages";
 
 /// The log categories.
 pub const CATEGORIES: [&str; 3] = [MESSAGES, "logStatusDiscard", "logStatusError"];
 
-/// Where messages go.
+/// The destination of messages.
 pub enum Log {
     /// FMI 2.0, with the importer's environment and the instance's name.
     Two(Option<LoggerTwo>, *mut c_void, CString),
@@ -32,13 +32,13 @@ fn category(status: Status) -> &'static CStr {
 }
 
 impl Log {
-    /// Hands over a message.
+    /// Passes on a message.
     pub fn write(&self, status: Status, text: &str) {
-        // A zero byte would end it.
+        // A zero byte would terminate it.
         let text = text.replace('\0', " ");
         match self {
             Log::Two(Some(write), environment, name) => {
-                // The text is the format itself: some importers print it as it is.
+                // The text is passed as the format itself: some importers print the format unchanged.
                 let format = CString::new(text.replace('%', "%%")).unwrap_or_default();
                 // SAFETY: the importer's function has the type of the standard; all texts outlive the call.
                 unsafe {

@@ -1,4 +1,4 @@
-//! What an exported FMU consists of: the resources that its library reads when it is instantiated.
+//! The content of an exported FMU: the resources that its library reads when it is instantiated.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,14 +10,14 @@ use tape::Digest;
 
 use crate::kind::Version;
 
-/// The scenario, among the resources.
+/// The name of the scenario among the resources.
 pub const SCENARIO: &str = "scenario.toml";
-/// The manifest, among the resources.
+/// The name of the manifest among the resources.
 pub const MANIFEST: &str = "export.toml";
 /// The format of the manifest.
 pub const FORMAT: u32 = 1;
 
-/// What of the scenario is exported.
+/// The part of the scenario that is exported.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
@@ -25,15 +25,15 @@ pub struct Manifest {
     pub format: u32,
     /// The major version of the standard, 2 or 3.
     pub fmi: u32,
-    /// What the model is called.
+    /// The name of the model.
     pub model: String,
-    /// The one participant that is exported; the whole scenario without it.
+    /// The exported participant; if absent, the whole scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub participant: Option<String>,
-    /// Of a whole scenario: the inputs that the importer sets, each `PARTICIPANT.INPUT`.
+    /// For a whole scenario: the inputs that the importer sets, each `PARTICIPANT.INPUT`.
     #[serde(default)]
     pub inputs: Vec<String>,
-    /// Of a whole scenario: the outputs that the importer reads, each `PARTICIPANT.OUTPUT`.
+    /// For a whole scenario: the outputs that the importer reads, each `PARTICIPANT.OUTPUT`.
     #[serde(default)]
     pub outputs: Vec<String>,
     /// Whether the state can be saved and restored.
@@ -47,13 +47,13 @@ impl Manifest {
     }
 }
 
-/// What stands in the resources of an FMU.
+/// The resources of an FMU.
 pub struct Content {
-    /// What is exported.
+    /// The manifest.
     pub manifest: Manifest,
-    /// Of this scenario.
+    /// The scenario.
     pub scenario: Scenario,
-    /// The text by which an importer tells that library and description belong together.
+    /// The token by which an importer matches library and description.
     pub token: String,
 }
 

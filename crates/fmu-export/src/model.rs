@@ -1,4 +1,4 @@
-//! From the content of an FMU to what runs: its body, parameters and variables.
+//! Construction of an FMU's body, parameters and variables from its resources.
 
 use engine::scenario::Scenario;
 use lockstep::time::Rational;
@@ -10,29 +10,29 @@ use crate::single::Single;
 use crate::variable::{Variable, variables};
 use crate::whole::Whole;
 
-/// Everything of an FMU but its life.
+/// Everything of an FMU except its life cycle.
 pub struct Model {
-    /// What runs.
+    /// The body.
     pub body: Box<dyn Body>,
-    /// What may be set before the start.
+    /// The parameters that may be set before the start.
     pub parameters: Vec<Parameter>,
     /// All variables.
     pub variables: Vec<Variable>,
     /// Steps are whole multiples of this.
     pub period: Rational,
-    /// Where an experiment starts.
+    /// The start of the experiment.
     pub start: Rational,
-    /// Where it ends.
+    /// The end of the experiment.
     pub stop: Option<Rational>,
     /// Whether its state can be saved.
     pub saves: bool,
 }
 
 impl Model {
-    /// Makes it, without starting anything.
+    /// Builds the model, without starting anything.
     ///
     /// # Errors
-    /// Why it cannot be made.
+    /// The reason why it cannot be built.
     pub fn new(content: Content) -> Result<Model, String> {
         let Content { manifest, scenario, .. } = content;
         match manifest.participant.clone() {

@@ -1,19 +1,19 @@
-//! ZIP archives, as FMUs are: the same bytes for the same contents, so without times.
+//! ZIP archives, the format of FMUs: deterministic, so without timestamps.
 
 use miniz_oxide::deflate::compress_to_vec;
 
-/// 1 January 1980, the first day that an archive knows.
+/// 1 January 1980, the earliest date of the format.
 const DATE: u16 = 0x21;
 const DEFLATED: u16 = 8;
 /// Names are UTF-8.
 const FLAGS: u16 = 1 << 11;
-/// Made on Unix, by version 2.0 of the format.
+/// Created on Unix, by version 2.0 of the format.
 const MADE: u16 = 3 << 8 | 20;
 const NEEDED: u16 = 20;
-/// Between speed and size: a library of ten megabytes takes a second.
+/// A compromise of speed and size: a library of ten megabytes takes a second.
 const LEVEL: u8 = 6;
 
-/// An archive under way.
+/// An archive under construction.
 #[derive(Default)]
 pub struct Pack {
     bytes: Vec<u8>,
@@ -25,7 +25,7 @@ impl Pack {
     /// Adds a file. `executable` is for libraries.
     ///
     /// # Errors
-    /// When the archive becomes larger than the format allows.
+    /// When the archive would exceed the limits of the format.
     pub fn add(&mut self, name: &str, contents: &[u8], executable: bool) -> Result<(), String> {
         let refuse = || format!("the FMU with `{name}` is larger than 4 GiB");
         let packed = compress_to_vec(contents, LEVEL);
@@ -53,7 +53,7 @@ impl Pack {
             &b"PK\x01\x02"[..],
             &MADE.to_le_bytes(),
             &common,
-            // Comment, disk and inner attributes.
+            // Comment, disk and internal attributes.
             &[0; 6],
             &(mode << 16).to_le_bytes(),
             &at.to_le_bytes(),

@@ -8,9 +8,9 @@ use toml::{Table, Value};
 use crate::kind::Kind;
 use crate::unit;
 
-/// No longer text is a parameter, bytes: the contents of files are not.
+/// The longest text that is exported as a parameter, bytes: the contents of files are not.
 const TEXT_MAX: usize = 200;
-/// No longer list is one, elements.
+/// The longest list that is exported as a parameter, elements.
 const LIST_MAX: usize = 256;
 
 /// A parameter and its present value.
@@ -24,9 +24,9 @@ pub struct Parameter {
     pub extents: Vec<u32>,
     /// Its unit; `1` without one.
     pub unit: String,
-    /// Its value.
+    /// The present value.
     pub held: Held,
-    /// Whether the value is another one than the scenario has.
+    /// Whether the value differs from that of the scenario.
     pub changed: bool,
 }
 
@@ -55,12 +55,12 @@ impl Parameter {
         }
     }
 
-    /// How many elements it has.
+    /// The number of elements.
     pub fn len(&self) -> usize {
         self.extents.iter().map(|&extent| extent as usize).product()
     }
 
-    /// The value as a scenario has it.
+    /// The value as a scenario states it.
     fn value(&self) -> Value {
         let bytes = match &self.held {
             Held::Text(text) => return Value::String(text.clone()),
@@ -71,7 +71,7 @@ impl Parameter {
             Kind::Boolean => Value::Boolean(bytes[0] != 0),
             Kind::Number(Element::F64) => Value::Float(Element::F64.to_f64(bytes)),
             Kind::Number(element) => Value::Integer(element.whole(bytes) as i64),
-            // No parameter is one.
+            // Not exported as a parameter.
             Kind::Enumeration | Kind::Text | Kind::Content(_) => Value::String(String::new()),
         };
         let all: Vec<Value> = bytes.chunks_exact(size).map(one).collect();
@@ -90,7 +90,7 @@ impl Parameter {
         }
     }
 
-    /// Puts the value where it belongs in a participant's parameters.
+    /// Inserts the value into a participant's parameters.
     pub fn put(&self, parameters: &mut Table) {
         let Some(path) = self.name.strip_prefix(PREFIX) else {
             return;
@@ -106,15 +106,15 @@ impl Parameter {
     }
 }
 
-/// What the name of a participant's parameter begins with.
+/// The prefix of the names of a participant's parameters.
 const PREFIX: &str = "parameters.";
-/// The seed of the run, which is a parameter too.
+/// The seed of the run, which is also exported as a parameter.
 pub const SEED: &str = "seed";
 
-/// All that can be set of `parameters`, and the seed.
+/// Everything in `parameters` that can be set, and the seed.
 pub fn parameters(parameters: &Table, seed: u64) -> Vec<Parameter> {
     let mut all = Vec::new();
-    // FMI 2.0 has no larger numbers; another seed is exported with --set.
+    // FMI 2.0 has no larger numbers; export another seed with --set.
     if let Ok(seed) = i32::try_from(seed) {
         let held = Held::Bytes(seed.to_le_bytes().to_vec());
         all.push(Parameter::new(
@@ -129,7 +129,7 @@ pub fn parameters(parameters: &Table, seed: u64) -> Vec<Parameter> {
     all
 }
 
-/// The seed that `all` says.
+/// The seed in `all`.
 pub fn seed_of(all: &[Parameter], seed: u64) -> Result<u64, String> {
     let Some(Held::Bytes(bytes)) = all.iter().find(|one| one.name == SEED).map(|one| &one.held) else {
         return Ok(seed);
@@ -140,7 +140,7 @@ pub fn seed_of(all: &[Parameter], seed: u64) -> Result<u64, String> {
 
 fn walk(path: &str, table: &Table, all: &mut Vec<Parameter>) {
     for (key, value) in table {
-        // A dot in a key would be taken for a table's.
+        // A dot in a key would be read as that of a table.
         if key.contains('.') {
             continue;
         }
@@ -185,7 +185,7 @@ fn parameter(name: String, value: &Value) -> Option<Parameter> {
     })
 }
 
-/// The unit and the numbers of a text that is a quantity, and whether they stand in brackets.
+/// The unit and the numbers of a text that is a quantity, and whether they are in brackets.
 fn quantity(text: &str) -> Option<(&str, (Vec<f64>, bool))> {
     let unit = units::unit_in(text)?;
     units::unit_factor(unit).ok()?;
@@ -198,7 +198,7 @@ fn doubles(name: String, values: &[f64], extents: Vec<u32>, unit: &str) -> Optio
     good.then(|| Parameter::new(name, number(), extents, unit, held))
 }
 
-/// A list of numbers, or of lists of as many numbers each.
+/// A list of numbers, or of lists with equal numbers of elements.
 fn array(values: &[Value]) -> Option<(Vec<f64>, Vec<u32>)> {
     let count = u32::try_from(values.len()).ok()?;
     if let Some(numbers) = values.iter().map(Value::as_float).collect::<Option<Vec<f64>>>() {

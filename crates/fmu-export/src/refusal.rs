@@ -1,17 +1,17 @@
-//! How a call of the standard ends that is not done.
+//! The result of a call of the standard that is rejected.
 
 /// The statuses of the standard, the same numbers in both versions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// Done.
+    /// Executed.
     Ok = 0,
-    /// Not done; everything is as it was.
+    /// Not executed; the instance is unchanged.
     Discard = 2,
-    /// Failed: the instance is of no use until it is reset or gets another state.
+    /// Failed: the instance cannot be used until it is reset or gets another state.
     Error = 3,
 }
 
-/// A call that was not done, with the reason and the remedy.
+/// A call that was rejected, with the reason and the remedy.
 #[derive(Debug, Clone)]
 pub struct Refusal {
     /// [`Status::Discard`] or [`Status::Error`].
@@ -21,7 +21,7 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    /// Not done, and the instance goes on.
+    /// Not executed, and the instance remains usable.
     pub fn discard(text: impl Into<String>) -> Refusal {
         Refusal {
             status: Status::Discard,

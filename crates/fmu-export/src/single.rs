@@ -18,9 +18,9 @@ use crate::variable::{Port, Ports};
 
 /// One participant.
 ///
-/// A sampled one computes its outputs at t from the inputs at t, which the importer may set until it reads the outputs or goes on. So
-/// its activation at t is done when outputs are read, or at the next step; an input that is set after outputs were read takes it
-/// back.
+/// A sampled one computes its outputs at t from the inputs at t, which the importer may set until it reads the outputs or continues. So its
+/// activation at t is executed when outputs are read, or at the next step; if an input is set after outputs were read, the activation is
+/// undone and repeated.
 pub struct Single {
     scenario: Scenario,
     entry: Entry,
@@ -31,7 +31,7 @@ pub struct Single {
     lines: Lines,
     /// The parameters with which it was begun.
     begun_with: Vec<Parameter>,
-    /// Where outputs are before it has begun.
+    /// The outputs before it has begun.
     nothing: Vec<Payload>,
 }
 
@@ -42,24 +42,24 @@ struct Running {
     timebase: Timebase,
     times: SampleTime,
     period: f64,
-    /// The activation that comes next, or that is done already if there is an `early`.
+    /// The next activation; if there is an `early`, it has already been executed.
     next: u64,
     early: Option<Early>,
 }
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // An importer ends its simulation when it likes.
+        // An importer may end its simulation at any time.
         lockstep::stepper::terminate(self.participant.as_mut(), Termination::Stopped, self.outputs.log_of());
     }
 }
 
-/// What was before an activation that was done because its outputs were asked for.
+/// The state and outputs before an activation that was executed early because its outputs were read.
 struct Early {
-    /// Nothing when the participant cannot be saved.
+    /// None when the participant cannot be saved.
     state: Option<Vec<u8>>,
     outputs: Vec<Payload>,
-    /// Inputs were set since.
+    /// Whether inputs were set since.
     stale: bool,
 }
 
@@ -79,10 +79,10 @@ struct SavedRun {
 }
 
 impl Single {
-    /// The participant of `entry` in `scenario`.
+    /// Creates the participant of `entry` in `scenario`.
     ///
     /// # Errors
-    /// Why it cannot be made.
+    /// The reason why it cannot be created.
     pub fn new(scenario: Scenario, entry: Entry) -> Result<Single, String> {
         let interface = make(&scenario, &entry)?.interface();
         let port = |name: &String, descriptor: &Descriptor| Port {
@@ -170,7 +170,7 @@ impl Running {
         self.timebase.seconds(self.times.instant(self.next))
     }
 
-    /// Outputs that are not finite, or no value of their type, are the end of it.
+    /// Outputs that are not finite, or not a value of their type, are a failure.
     fn check(&mut self, interface: &Interface, t: f64) -> Result<(), String> {
         for (number, port) in interface.outputs.iter().enumerate() {
             let payload: &[u8] = self.outputs.bytes_mut(number);
@@ -182,7 +182,7 @@ impl Running {
         Ok(())
     }
 
-    /// The activation that comes next, once.
+    /// Executes the next activation, once.
     fn activate(&mut self, interface: &Interface, inputs: &Inputs) -> Result<(), String> {
         let instant = |k| self.timebase.seconds(self.times.instant(k));
         let (t, t_next) = (instant(self.next), instant(self.next + 1));
@@ -198,7 +198,7 @@ impl Running {
         self.check(interface, t)
     }
 
-    /// Outputs of a sampled participant for the inputs as they are now.
+    /// Computes the outputs of a sampled participant for the present inputs.
     fn evaluate(&mut self, interface: &Interface, inputs: &Inputs) -> Result<(), String> {
         match self.early.take() {
             Some(early) if !early.stale => {
@@ -347,7 +347,7 @@ impl Body for Single {
         let running = match &mut self.running {
             None => None,
             Some(running) => {
-                // Before the activation that was done early: it is done again where the state goes on.
+                // The state before the early activation, which is repeated when the state is restored.
                 let (state, outputs) = match &running.early {
                     Some(early) => (early.state.clone(), early.outputs.clone()),
                     None => (

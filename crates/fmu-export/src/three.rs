@@ -1,4 +1,4 @@
-//! The functions of FMI 3.0 for co-simulation, as far as they are others than in FMI 2.0.
+//! The functions of FMI 3.0 for co-simulation, as far as they differ from those of FMI 2.0.
 
 use std::ffi::{c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,7 +12,7 @@ use crate::kind::{Native, Version};
 use crate::log::{Log, LoggerThree};
 use crate::refusal::{Refusal, Status};
 
-/// How a reference follows from another one: in any way.
+/// The dependency kind of all dependencies: arbitrary.
 const DEPENDENT: c_int = 5;
 
 /// `fmi3InstantiateCoSimulation`.
@@ -46,7 +46,7 @@ pub unsafe fn instantiate(
     }
 }
 
-/// The instantiation of an interface that there is none of.
+/// The instantiation of an interface type that the FMU does not support.
 ///
 /// # Safety
 /// `logger` has the type of the standard.
@@ -68,7 +68,7 @@ pub unsafe fn enter(instance: Pointer, start: f64) -> c_int {
     unsafe { call::call(instance, false, work) }
 }
 
-/// `fmi3GetFloat64` and its like.
+/// `fmi3GetFloat64` and similar functions.
 ///
 /// # Safety
 /// As for [`call::get`].
@@ -84,7 +84,7 @@ pub unsafe fn get(
     unsafe { call::get(instance, native, (references, count), to, room) }
 }
 
-/// `fmi3SetFloat64` and its like.
+/// `fmi3SetFloat64` and similar functions.
 ///
 /// # Safety
 /// As for [`call::set`].
@@ -128,7 +128,7 @@ pub unsafe fn step(
 ) -> c_int {
     let work = |own: &mut Instance| {
         let done = own.step(from, span);
-        // SAFETY: as the caller says; some importers leave out what they do not need.
+        // SAFETY: as the caller says; some importers pass null for results that they do not need.
         unsafe {
             if let Some(event) = event.as_mut() {
                 *event = false;
@@ -186,7 +186,7 @@ pub unsafe fn dependencies(
             return Err(Refusal::error(text));
         }
         for (number, independent) in found.into_iter().enumerate() {
-            // SAFETY: as the caller says. Element 0 stands for all of them.
+            // SAFETY: as the caller says. Element 0 stands for all elements.
             unsafe {
                 element.add(number).write(0);
                 independents.add(number).write(independent);

@@ -122,7 +122,7 @@ pub unsafe fn reset(instance: Pointer) -> c_int {
     unsafe { call::call(instance, true, work) }
 }
 
-/// `fmi2GetReal` and its like.
+/// `fmi2GetReal` and similar functions.
 ///
 /// # Safety
 /// As for [`call::get`].
@@ -131,7 +131,7 @@ pub unsafe fn get(instance: Pointer, native: Native, references: *const u32, cou
     unsafe { call::get(instance, native, (references, count), to, count) }
 }
 
-/// `fmi2SetReal` and its like.
+/// `fmi2SetReal` and similar functions.
 ///
 /// # Safety
 /// As for [`call::set`].
@@ -155,7 +155,7 @@ pub unsafe fn step(instance: Pointer, from: f64, span: f64) -> c_int {
     unsafe { call::call(instance, false, |own| own.step(from, span)) }
 }
 
-/// `fmi2GetRealStatus`: up to when it was stepped.
+/// `fmi2GetRealStatus`: the instant up to which the instance has been stepped.
 ///
 /// # Safety
 /// As for [`call::call`]; `value` can be written.
@@ -174,7 +174,7 @@ pub unsafe fn real_status(instance: Pointer, which: c_int, value: *mut f64) -> c
     unsafe { call::call(instance, true, work) }
 }
 
-/// `fmi2GetBooleanStatus`: whether the scenario has come to its end.
+/// `fmi2GetBooleanStatus`: whether the end of the scenario has been reached.
 ///
 /// # Safety
 /// As for [`call::call`]; `value` can be written.
@@ -191,7 +191,7 @@ pub unsafe fn boolean_status(instance: Pointer, which: c_int, value: *mut c_int)
     unsafe { call::call(instance, true, work) }
 }
 
-/// A status that there is none of.
+/// A status that is not supported.
 ///
 /// # Safety
 /// As for [`call::call`].

@@ -11,7 +11,7 @@ pub struct Base {
     pub factor: f64,
 }
 
-/// The definition of `unit`; nothing for one that the framework does not know.
+/// The definition of `unit`; none for one that the framework does not know.
 pub fn base(unit: &str) -> Option<Base> {
     let (factor, own) = units::unit_factor(unit).ok()?;
     Some(Base {
@@ -20,7 +20,7 @@ pub fn base(unit: &str) -> Option<Base> {
     })
 }
 
-/// Whether a variable has a unit at all.
+/// Whether a variable has a unit.
 pub fn is_unit(unit: &str) -> bool {
     !matches!(unit, "" | "1")
 }

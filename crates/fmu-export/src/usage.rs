@@ -1,4 +1,4 @@
-//! What is said about an FMU that was made: what it is, and how a scenario takes it.
+//! The instructions for an exported FMU: what it is, and how a scenario uses it.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -16,7 +16,7 @@ fn text(text: &str) -> String {
     Value::String(text.to_owned()).to_string()
 }
 
-/// One line about it.
+/// One line that describes it.
 pub fn summary(about: &About, model: &Model) -> String {
     let version = if about.version == Version::Three { "3.0" } else { "2.0" };
     let state = if about.state {
@@ -31,7 +31,7 @@ pub fn summary(about: &About, model: &Model) -> String {
     )
 }
 
-/// The entry of a scenario in which the FMU takes the place of the participant `name`, port by port, with those `inputs` that are fed.
+/// The scenario entry in which the FMU replaces the participant `name`, port by port, with those `inputs` that are fed.
 pub fn entry(name: &str, file: &Path, about: &About, model: &Model, inputs: &[String]) -> String {
     let ports = model.body.ports();
     let inputs: Vec<&Port> = ports.inputs.iter().filter(|port| inputs.contains(&port.name)).collect();
@@ -83,7 +83,7 @@ fn fields(version: Version, port: &Port) -> Vec<String> {
         if let Some(room) = field.element.room() {
             let _ = write!(entry, ", size = {room}");
         }
-        // FMI 2.0 has one type for all whole numbers.
+        // FMI 2.0 has one type for all integers.
         if version == Version::Two
             && field.element.is_number()
             && field.element.range().is_some()

@@ -6,18 +6,18 @@ use crate::kind::{Kind, Version};
 use crate::parameter::Parameter;
 use crate::refusal::Refusal;
 
-/// Where the value of a variable is.
+/// The location of a variable's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// The present time.
     Time,
-    /// Parameter number so many.
+    /// The parameter of this number.
     Parameter(usize),
-    /// In the payload of input number so many, from this byte on.
+    /// In the payload of the input of this number, from this byte on.
     Input(usize, usize),
-    /// In the payload of output number so many, from this byte on.
+    /// In the payload of the output of this number, from this byte on.
     Output(usize, usize),
-    /// Figure of merit number so many.
+    /// The figure of merit of this number.
     Figure(usize),
 }
 
@@ -26,29 +26,29 @@ pub enum Place {
 pub struct Variable {
     /// Its name.
     pub name: String,
-    /// What is known of it besides.
+    /// Its description.
     pub description: String,
-    /// Where it is.
+    /// The location of its value.
     pub place: Place,
     /// Its type.
     pub kind: Kind,
     /// The items of an enumeration.
     pub items: Vec<EnumValue>,
-    /// Its extents; empty for a number.
+    /// Its extents; empty for a scalar.
     pub extents: Vec<u32>,
-    /// How many elements it has.
+    /// The number of its elements.
     pub len: usize,
     /// Its unit; `1` without one.
     pub unit: String,
-    /// The first element's number among the parameter's, where it is one scalar of a list.
+    /// The index of its element in the parameter, if the variable is one scalar of a list.
     pub first: usize,
 }
 
 impl Variable {
-    /// That an element of an enumeration is one of its items.
+    /// Checks that an element of an enumeration is one of its items.
     ///
     /// # Errors
-    /// What it cannot be set to.
+    /// The rejected value and the valid ones.
     pub fn check(&self, element: &[u8]) -> Result<(), Refusal> {
         let byte = element.first().copied().unwrap_or_default();
         if self.kind != Kind::Enumeration || self.items.iter().any(|item| item.value == byte) {
@@ -63,31 +63,31 @@ impl Variable {
 /// A port.
 #[derive(Debug, Clone)]
 pub struct Port {
-    /// What its variables begin with.
+    /// The prefix of its variables.
     pub name: String,
-    /// What it carries.
+    /// The message type.
     pub descriptor: Descriptor,
 }
 
-/// Everything that becomes variables.
+/// Everything that becomes a variable.
 #[derive(Debug, Clone, Default)]
 pub struct Ports {
-    /// What the importer sets.
+    /// The inputs, which the importer sets.
     pub inputs: Vec<Port>,
-    /// What it reads.
+    /// The outputs, which the importer reads.
     pub outputs: Vec<Port>,
     /// Figures of merit, by name and unit.
     pub figures: Vec<(String, String)>,
-    /// Whether outputs at an instant follow from inputs at the same instant.
+    /// Whether outputs depend on inputs at the same instant (direct feedthrough).
     pub feedthrough: bool,
-    /// Whether values change at the communication points alone.
+    /// Whether values change only at communication points.
     pub discrete: bool,
 }
 
 /// All variables, in the order of their value references.
 pub fn variables(version: Version, ports: &Ports, parameters: &[Parameter]) -> Vec<Variable> {
     let mut all = Vec::new();
-    // FMI 3.0 asks for it; in FMI 2.0 the parser of many tools reports an error for one.
+    // FMI 3.0 requires it; in FMI 2.0 the parsers of many tools report an error for it.
     if version == Version::Three {
         all.push(Variable {
             name: "time".into(),
@@ -164,7 +164,7 @@ fn fields(version: Version, all: &mut Vec<Variable>, port: &Port, place: impl Fn
     }
 }
 
-/// Adds an array: as one in FMI 3.0, element by element in FMI 2.0, which has scalars only.
+/// Adds an array: one variable in FMI 3.0, one per element in FMI 2.0, which has only scalars.
 fn push(version: Version, all: &mut Vec<Variable>, whole: Variable, element: impl Fn(usize) -> (Place, usize)) {
     if version == Version::Three || whole.extents.is_empty() {
         all.push(whole);
@@ -183,7 +183,7 @@ fn push(version: Version, all: &mut Vec<Variable>, whole: Variable, element: imp
     }
 }
 
-/// `[1][2]`: the place of an element that is stored row by row.
+/// `[1][2]`: the indices of an element stored in row-major order.
 fn indices(extents: &[u32], mut number: usize) -> String {
     let mut places = Vec::new();
     for &extent in extents.iter().rev() {
@@ -201,13 +201,13 @@ mod tests {
     use lockstep::port::Message;
 
     lockstep::message! {
-        /// One of each.
+        /// One field of each shape.
         pub struct Some {
             /// A matrix.
             pub matrix: [[f64; 3]; 2] = "m" in "N",
             /// A number.
             pub number: u32 = "1",
-            /// Another one.
+            /// Another number.
             pub single: f32 = "rad",
         }
     }

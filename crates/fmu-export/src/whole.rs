@@ -18,8 +18,8 @@ use crate::variable::{Port, Ports};
 
 /// A whole scenario.
 ///
-/// An output at T is its newest sample that is stamped at or before T: of a continuous participant the one at T, where it has one there;
-/// of a sampled one the one before T, because its activation at T belongs to the step that begins there.
+/// An output at T is its newest sample stamped at or before T: for a continuous participant the one at T, if it has one there; for a
+/// sampled one the one before T, because its activation at T belongs to the step that begins there.
 pub struct Whole {
     scenario: Scenario,
     plan: Plan,
@@ -27,12 +27,12 @@ pub struct Whole {
     keys: Vec<String>,
     saves: bool,
     inputs: Vec<Payload>,
-    /// What the run has been told, to be told again where a state is taken up by another instance.
+    /// The inputs that the run was given, replayed when another instance restores a state.
     history: Vec<Told>,
-    /// Inputs that differ from what the run was told.
+    /// Inputs that differ from those the run was given.
     changed: Vec<bool>,
     outputs: Vec<Payload>,
-    /// The instants that continuous outputs have their samples at: offset and period of each participant, ticks.
+    /// The sample times of continuous outputs: offset and period of each participant, ticks.
     grids: Vec<Option<(Ticks, Ticks)>>,
     figures: Option<campaign::Figures>,
     running: Option<Run>,
@@ -41,7 +41,7 @@ pub struct Whole {
     now: Ticks,
 }
 
-/// Values that were set at an instant.
+/// Values set at an instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Told {
     at: Ticks,
@@ -64,10 +64,10 @@ struct SavedRun {
 }
 
 impl Whole {
-    /// The `scenario` with these inputs and outputs.
+    /// Prepares the `scenario` with these inputs and outputs.
     ///
     /// # Errors
-    /// Why it cannot run in one loop, or which port there is not.
+    /// The reason why it cannot run in one loop, or a port that does not exist.
     pub fn new(scenario: Scenario, inputs: &[String], outputs: &[String], saves: bool) -> Result<Whole, String> {
         let known = check_here(&scenario).map_err(|error| error.to_string())?;
         let outside = scenario
@@ -126,7 +126,7 @@ impl Whole {
         self.plan.timebase.tick()
     }
 
-    /// How long it is.
+    /// The duration.
     pub fn duration(&self) -> Rational {
         self.scenario.duration
     }
@@ -151,15 +151,15 @@ impl Whole {
         self.running.as_mut().ok_or_else(|| "it is not initialised".to_owned())
     }
 
-    /// Ends the run, if there is one: participants may say something at their end.
+    /// Ends the run, if there is one: participants may log something at their end.
     fn end(&mut self) {
         if let Some(run) = self.running.take() {
-            // Nothing is written, and nobody asks how it ended.
+            // Nothing is written, and the outcome is not used.
             let _ = run.end();
         }
     }
 
-    /// Lets the run on to `to`, ticks.
+    /// Advances the run to `to`, ticks.
     fn run_to(&mut self, to: Ticks) -> Result<(), String> {
         let time = self.timebase().time(to).ok_or("the time is too fine")?;
         let end = self.duration();
@@ -168,9 +168,9 @@ impl Whole {
         done.map_err(|failure| failure.to_string())
     }
 
-    /// Outputs at `to`, while the run goes there.
+    /// Reads outputs at `to` while advancing the run to it.
     fn go(&mut self, to: Ticks) -> Result<(), String> {
-        // A continuous output may have a sample that is stamped later than `to`: its newest one by then is read on the way.
+        // A continuous output may have a sample stamped later than `to`: its newest sample at or before `to` is read on the way.
         let due: Vec<Option<Ticks>> = self.grids.iter().map(|grid| due(*grid, to)).collect();
         let mut stops: Vec<Ticks> = due
             .iter()
@@ -190,7 +190,7 @@ impl Whole {
         Ok(())
     }
 
-    /// Reads the outputs that are due at `at`, where the run rests. Before the first sample there is none, and the output is zero.
+    /// Reads the outputs due at `at`, where the run is paused. Before its first sample an output is zero.
     fn read(&mut self, due: &[Option<Ticks>], at: Ticks) {
         let Some(run) = &self.running else {
             return;
@@ -204,7 +204,7 @@ impl Whole {
         }
     }
 
-    /// Hands over inputs that were set.
+    /// Passes on the inputs that were set.
     fn tell(&mut self) -> Result<(), String> {
         for number in 0..self.inputs.len() {
             if !std::mem::take(&mut self.changed[number]) {
@@ -225,7 +225,7 @@ impl Whole {
         Ok(())
     }
 
-    /// Begins anew, and does what `history` says up to `now`.
+    /// Restarts, and replays `history` up to `now`.
     fn play(&mut self, run: SavedRun) -> Result<(), String> {
         self.begin(&[], Rational::ZERO)?;
         self.start = run.start;
@@ -245,13 +245,13 @@ impl Whole {
         if run.now > self.now {
             self.go(run.now)?;
         }
-        // It was said when this was first done.
+        // These lines were logged when this was first executed.
         self.lines.take();
         Ok(())
     }
 }
 
-/// The instant at which an output is read for its value at `to`: a continuous one at its newest sample by then, which there may be none of.
+/// The instant at which an output is read for its value at `to`: for a continuous one that of its newest sample by then, if there is one.
 fn due(grid: Option<(Ticks, Ticks)>, to: Ticks) -> Option<Ticks> {
     match grid {
         None => Some(to),
@@ -259,7 +259,7 @@ fn due(grid: Option<(Ticks, Ticks)>, to: Ticks) -> Option<Ticks> {
     }
 }
 
-/// The input `name`, which nobody feeds.
+/// The unconnected input `name`.
 fn input(plan: &Plan, name: &str) -> Result<Port, String> {
     let (participant, port) = name.split_once('.').unwrap_or((name, ""));
     let found = plan.participant(participant).and_then(|number| {
@@ -301,7 +301,7 @@ fn listed(all: impl Iterator<Item = String>) -> String {
     }
 }
 
-/// The output `name`, with offset and period where it is a continuous participant's.
+/// The output `name`, with offset and period if its participant is continuous.
 fn output(plan: &Plan, name: &str) -> Result<(Port, Option<(Ticks, Ticks)>), String> {
     for own in &plan.participants {
         for port in &own.interface.outputs {
@@ -346,7 +346,7 @@ impl Body for Whole {
         self.running = Some(self.fresh()?);
         (self.start, self.now) = (start.seconds(), 0);
         self.history.clear();
-        // What was set before is set from the start on.
+        // Values set before are set from the start on.
         self.changed = self
             .inputs
             .iter()
@@ -438,7 +438,7 @@ impl Body for Whole {
             running,
         };
         let bytes = wire::encode("the state of a scenario", &saved).map_err(|error| error.to_string())?;
-        // At its end a run has no state any more, and is played again.
+        // At its end a run has no state any more, and is replayed.
         let kept = self.running.as_mut().and_then(|run| run.save().ok());
         Ok(State { bytes, kept })
     }
@@ -468,7 +468,7 @@ impl Body for Whole {
         for (own, bytes) in self.inputs.iter_mut().chain(&mut self.outputs).zip(saved) {
             own.bytes_mut().copy_from_slice(bytes);
         }
-        // Those that were set and not told yet.
+        // Those that were set and not yet passed on.
         let told = |number: usize| self.history.iter().rev().find(|told| told.input == number as u64);
         let changed = (0..self.inputs.len()).map(|number| match told(number) {
             Some(told) => told.payload != self.inputs[number].bytes(),

@@ -1,4 +1,4 @@
-//! A participant that is held before its step, behind C functions.
+//! The C functions for a participant that is held before its step.
 
 use std::ffi::{CString, c_char, c_void};
 

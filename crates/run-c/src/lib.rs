@@ -1,6 +1,6 @@
-//! The C ABI of a caller: `escapement-run.h` declares these functions and says everything about them.
+//! The C ABI of a program that drives runs: `escapement-run.h` declares and documents these functions.
 //!
-//! [`run_functions!`] writes them into a library, over a catalogue of its own; what they do stands here.
+//! [`run_functions!`] defines them in a library, with that library's catalogue; their implementation is in this crate.
 
 #[doc(hidden)]
 pub mod held;
@@ -12,7 +12,7 @@ pub use run::{Checkpoint, Options, Outcome, Sample};
 /// The version of the ABI: `ESCAPEMENT_RUN_ABI`.
 pub const ABI: u32 = 1;
 
-/// Writes the functions of `escapement-run.h` into a library. The first argument fills the catalogue, the second one is the version of
+/// Defines the functions of `escapement-run.h` in a library. The first argument fills the catalogue; the second one is the version of
 /// Escapement.
 ///
 /// ```
@@ -72,7 +72,7 @@ macro_rules! run_functions {
     };
 }
 
-/// Writes the functions: each calls what stands behind its name, and nothing else.
+/// Defines the functions: each calls the expression given for it, and nothing else.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! functions {
@@ -80,7 +80,7 @@ macro_rules! functions {
         $(
             #[unsafe(no_mangle)]
             unsafe extern "C" fn $name($($argument: $type),*) $(-> $result)? {
-                // SAFETY: the arguments are as the header says: the caller answers for them.
+                // SAFETY: the arguments are as the header says: the caller is responsible for them.
                 #[allow(unused_unsafe, reason = "one calls nothing")]
                 unsafe { $call }
             }

@@ -1,4 +1,4 @@
-//! A run behind C functions.
+//! The C functions of a run.
 
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -13,7 +13,7 @@ use fmu_export::exact;
 
 const OK: i32 = 0;
 const FAILED: i32 = 1;
-/// Bytes of a digest as text, with a zero byte and room.
+/// Bytes of a digest as text: with a terminating zero byte and spare bytes.
 const DIGEST: usize = 72;
 
 /// `escapement_run_options`.
@@ -44,7 +44,7 @@ pub struct Sample {
     pub index: u64,
     /// s.
     pub stamp: f64,
-    /// The run's.
+    /// Owned by the run.
     pub bytes: *const c_void,
     /// How many.
     pub byte_count: u64,
@@ -72,16 +72,16 @@ pub struct Outcome {
 pub struct Run {
     pub(crate) run: Option<run::Run>,
     error: CString,
-    /// What a participant has said that was asked for.
+    /// The log of the participant that was last asked for.
     pub(crate) log: CString,
-    /// The newest sample that was asked for.
+    /// The sample that was last read.
     sample: Option<run::Sample>,
 }
 
 /// `escapement_run_checkpoint`.
 pub struct Checkpoint(run::Checkpoint);
 
-/// A text of the caller.
+/// A string of the caller.
 ///
 /// # Safety
 /// `at` is null, or ends with a zero byte.
@@ -94,7 +94,7 @@ pub(crate) unsafe fn text<'a>(at: *const c_char, what: &str) -> Result<&'a str, 
     text.to_str().map_err(|_| format!("{what} is not UTF-8"))
 }
 
-/// Does `work` with the run behind `pointer`.
+/// Calls `work` with the run behind `pointer`.
 ///
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
@@ -114,7 +114,7 @@ pub(crate) unsafe fn with(pointer: *mut Run, work: impl FnOnce(&mut Run) -> Resu
     }
 }
 
-/// The same with a run that is under way.
+/// Calls `work` with the run behind `pointer`, which must have been started and not ended.
 ///
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
@@ -158,7 +158,7 @@ pub unsafe fn start(
     unsafe { with(pointer, work) }
 }
 
-/// What the options of the caller mean.
+/// The options and changes that the caller's options denote.
 ///
 /// # Safety
 /// `options` is null, or as the header says.

@@ -1,4 +1,4 @@
-//! The flattened system: which variable of which FMU feeds which one, and what else is set.
+//! The flattened system: connections between variables of FMUs, and the other values that are set.
 
 use fmu::{Causality, Conversion, Description, Model, Unit, Variable, Wire, element};
 use toml::Value;
@@ -13,27 +13,27 @@ use crate::transform::Transformation;
 /// The flattened system. Components are numbered in the order of the description.
 #[derive(Debug, Default)]
 pub struct Flat {
-    /// What feeds what.
+    /// The connections.
     pub wires: Vec<Wire>,
     /// Parameters and start values of each component.
     pub settings: Vec<Vec<(String, Value)>>,
-    /// Outputs of the root system that are values of a component as they are.
+    /// Outputs of the root system that are unchanged values of a component.
     pub outputs: Vec<(String, (usize, String))>,
-    /// What the user may want to know.
+    /// Notes for the user.
     pub notes: Vec<String>,
-    /// What cannot be expressed.
+    /// Problems that a scenario cannot express.
     pub problems: Vec<Problem>,
 }
 
 /// A structure with the FMUs of its components.
 pub struct System<'a> {
     structure: &'a Structure,
-    /// The number of each element among the components, where it is one.
+    /// The number of each element among the components, for elements that are components.
     numbers: Vec<Option<usize>>,
     models: Vec<&'a Model>,
     network: Network<'a>,
     flat: Flat,
-    /// Between components, by outputs with direct feedthrough.
+    /// The connections between components, from outputs with direct feedthrough.
     through: Vec<(usize, usize)>,
 }
 
@@ -78,7 +78,7 @@ impl<'a> System<'a> {
         self.component(element)?.1.variable(name)
     }
 
-    /// The unit of a connector: its own, else that of the FMU's variable.
+    /// The unit of a connector: its own if stated, otherwise that of the FMU's variable.
     fn unit(&self, element: usize, name: &str) -> Option<&'a Unit> {
         let structure: &'a Structure = self.structure;
         let own = structure.elements[element]
@@ -95,7 +95,7 @@ impl<'a> System<'a> {
         self.flat.problems.push(problem);
     }
 
-    /// That the connectors of a component are those of its FMU.
+    /// Checks that the connectors of a component match its FMU.
     fn check_connectors(&mut self, element: usize) {
         let structure = self.structure;
         let Some((_, about)) = self.component(element) else {
@@ -143,7 +143,7 @@ impl<'a> System<'a> {
         }
     }
 
-    /// Goes through all inputs and parameters of components, and all outputs of the root.
+    /// Processes all inputs and parameters of components, and all outputs of the root.
     fn settle(&mut self) {
         let structure = self.structure;
         let has = |element: usize, name: &str| {
@@ -158,7 +158,7 @@ impl<'a> System<'a> {
             );
             self.flat.notes.push(note);
         }
-        // Bound to variables themselves.
+        // Bound directly to variables.
         for ((element, name), bound) in &values {
             let Some((variable, (part, about))) = self.variable(*element, name).zip(self.component(*element)) else {
                 continue;
@@ -178,7 +178,7 @@ impl<'a> System<'a> {
                     Ok(trace) if trace.steps.is_empty() => {}
                     Ok(trace) => {
                         if let Some(value) = self.fed((number, &connector.name), &trace, &values) {
-                            // What comes through connectors is set further up.
+                            // Values that come through connectors are set by an enclosing element.
                             let settings = &mut self.flat.settings[part];
                             settings.retain(|(name, _)| *name != connector.name);
                             settings.push((connector.name.clone(), value));
@@ -191,7 +191,7 @@ impl<'a> System<'a> {
         self.root_outputs();
     }
 
-    /// An input or parameter that has a connection: a wire, or the value that it always has.
+    /// An input or parameter that has a connection: it gets a wire, or a constant value.
     fn fed(&mut self, taker: (usize, &'a str), trace: &Trace<'a>, values: &Values<'a>) -> Option<Value> {
         let structure = self.structure;
         let (origin, name) = trace.origin;
@@ -238,7 +238,7 @@ impl<'a> System<'a> {
         }
     }
 
-    /// What all steps of a way make of a number.
+    /// The combined effect of all steps of a path on a number.
     fn line(&self, trace: &Trace<'a>) -> Result<Line, String> {
         let mut line = Line::new();
         let mut unit = self.unit(trace.origin.0, trace.origin.1);
@@ -302,7 +302,7 @@ impl<'a> System<'a> {
         Ok(())
     }
 
-    /// The outputs of the root, as figures; those that are transformed on their way are only noted.
+    /// The outputs of the root, as figures; those that are transformed on their path are only noted.
     fn root_outputs(&mut self) {
         for connector in &self.structure.elements[0].connectors {
             if connector.kind != Kind::Output {
@@ -344,9 +344,9 @@ impl<'a> System<'a> {
     }
 }
 
-/// Components that feed each other in a circle, in order; empty where there is none.
+/// Components that form an algebraic loop, in order; empty if there is none.
 fn circle(count: usize, edges: &[(usize, usize)]) -> Vec<usize> {
-    // Whoever feeds nobody any more is in no circle.
+    // A component that feeds no remaining component is in no loop.
     let mut alive = vec![true; count];
     let feeds = |alive: &[bool], one: usize| {
         let own = edges.iter().filter(|(from, _)| *from == one);

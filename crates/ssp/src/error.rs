@@ -1,18 +1,18 @@
-//! Why a package is refused.
+//! Errors of a package that is rejected.
 
 use std::fmt;
 use std::path::PathBuf;
 
 use fmu::{FmuError, ZipError};
 
-/// Something that is wrong, or that a scenario cannot express, with its place.
+/// A problem in a package, or something that a scenario cannot express, with its location.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
     /// The file inside the package.
     pub file: String,
     /// The line, from 1.
     pub line: u32,
-    /// What is wrong, with the element, and the remedy.
+    /// The problem, with the element and the remedy.
     pub reason: String,
 }
 
@@ -22,26 +22,26 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Why a package is refused.
+/// The reason why a package is rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum SspError {
-    /// It cannot be read.
+    /// The package cannot be read.
     #[error("`{}`: {source}", .path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         source: std::io::Error,
     },
-    /// Its archive is refused.
+    /// The archive is rejected.
     #[error("`{}`: {source}; an SSP is a ZIP archive with a SystemStructure.ssd in it", .path.display())]
     Zip {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: ZipError,
     },
-    /// It is no package at all.
+    /// The file is not a package.
     #[error("`{}`: {reason}", .path.display())]
     Missing {
         /// The file.
@@ -49,15 +49,15 @@ pub enum SspError {
         /// What is missing.
         reason: String,
     },
-    /// An FMU in it is refused.
+    /// An FMU of the package is rejected.
     #[error(transparent)]
     Fmu(#[from] FmuError),
-    /// What stands in it is wrong, or cannot be expressed.
+    /// The content is wrong, or a scenario cannot express it.
     #[error("{}", listed(.path, .problems))]
     Refused {
         /// The file.
         path: PathBuf,
-        /// Everything that was found, in the order of the files.
+        /// All problems, in the order of the files.
         problems: Vec<Problem>,
     },
 }

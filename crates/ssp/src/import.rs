@@ -1,4 +1,4 @@
-//! From a package to a scenario.
+//! Conversion of a package into a scenario.
 
 use std::path::Path;
 
@@ -13,17 +13,17 @@ use crate::structure::{Place, Structure};
 
 /// The largest package that is read, bytes: 1 GiB.
 const FILE_MAX: u64 = 1 << 30;
-/// The most participants of a scenario.
+/// The largest number of participants in a scenario.
 const PARTS_MAX: usize = 512;
-/// How long a system is simulated that does not say it, s.
+/// The simulated time of a system that does not state one, s.
 const DURATION: f64 = 10.0;
 
-/// What the user decides.
+/// The user's choices.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Options {
-    /// The period of all FMUs; that of its default experiment for each unless given.
+    /// The period of all FMUs; if not given, each FMU has that of its default experiment.
     pub period: Option<Rational>,
-    /// Algebraic loops are opened: a value goes round in as many periods as there are FMUs in the loop.
+    /// Whether algebraic loops are opened: a value then takes as many periods for a round as the loop has FMUs.
     pub open_loops: bool,
 }
 
@@ -34,7 +34,7 @@ pub struct Imported {
     pub scenario: String,
     /// The FMUs: names below the scenario's folder, and contents.
     pub fmus: Vec<(String, Vec<u8>)>,
-    /// What was left out, or is not as somebody might expect.
+    /// What was omitted, or may differ from the user's expectation.
     pub notes: Vec<String>,
 }
 
@@ -115,7 +115,7 @@ fn contents(package: &Package, structure: &Structure, source: &str) -> Option<Re
     inside.map(Ok).or_else(|| package.file(source))
 }
 
-/// What a scenario cannot have.
+/// Reports what a scenario cannot have.
 fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize], options: Options, flat: &mut Flat) {
     let mut refuse = |line: Place, reason: String| flat.problems.push(structure.problem(line, reason));
     let root = structure.elements[0].line;
@@ -153,7 +153,7 @@ fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize
     }
 }
 
-/// What somebody might expect to be otherwise.
+/// Notes what may differ from the user's expectation.
 fn notes(structure: &Structure, components: &[(usize, &Model)], options: Options, flat: &mut Flat) {
     if structure.stop.is_none() {
         flat.notes.push(format!(
@@ -187,7 +187,7 @@ fn notes(structure: &Structure, components: &[(usize, &Model)], options: Options
 /// An FMU of the package.
 struct Taken<'a> {
     source: &'a str,
-    /// Where it is put, from the scenario's folder.
+    /// Its path, relative to the scenario's folder.
     file: String,
     model: Model,
     contents: Vec<u8>,

@@ -1,8 +1,8 @@
 //! System structures (SSP 1.0 and 2.0) as scenarios.
 //!
-//! A package is read, its systems are flattened, and what comes out is a scenario as text with the FMUs beside it: [`import`]. Nothing
-//! of an FMU runs. A package comes from anybody: its archive and its XML are checked, and what a scenario cannot express is
-//! refused with file and line, everything at once.
+//! [`import`] reads a package, flattens its systems, and returns a scenario as text together with the FMUs. No code of an FMU is executed.
+//! A package may come from an untrusted source: its archive and its XML are checked, and everything that a scenario cannot express is
+//! rejected with file and line, all problems at once.
 
 mod connect;
 mod error;

@@ -1,4 +1,4 @@
-//! Parameter mappings (`.ssm`): which parameter of a set is which one of a system.
+//! Parameter mappings (`.ssm`): from parameters of a set to parameters of a system.
 
 use roxmltree::Node;
 
@@ -13,13 +13,13 @@ pub struct MapEntry {
     pub source: String,
     /// Its name in the system.
     pub target: String,
-    /// Whether its unit is left as it is.
+    /// Whether unit conversion is suppressed.
     pub suppress: bool,
-    /// What becomes of the value.
+    /// The transformation of the value.
     pub transformation: Transformation,
 }
 
-/// Reads a `ParameterMapping`, the root of a file or one that stands in a description.
+/// Reads a `ParameterMapping`, the root of a file or an element of a description.
 ///
 /// # Errors
 /// What is missing or wrong, with its line.

@@ -1,4 +1,4 @@
-//! What becomes of a number on its way: units, factors and offsets of all connections as one factor and one offset.
+//! Scaling of a number along its path: units, factors and offsets of all connections combined into one factor and one offset.
 
 use fmu::{Conversion, Unit};
 use lockstep::units::convert;
@@ -6,22 +6,22 @@ use toml::Value;
 
 use crate::transform::Transformation;
 
-/// How near two factors are that mean the same: unit definitions are written with ten digits and more.
+/// The tolerance within which two factors count as equal: unit definitions are written with ten or more digits.
 const NEAR: f64 = 1e-9;
-/// Where the radian stands among the base units. Mechanics adds it and leaves it out.
+/// The index of the radian among the base units. Mechanics includes it in some units and omits it in others.
 const RADIAN: usize = 7;
 
-/// value = scale · source + shift, in the unit that the value has there.
+/// value = scale · source + shift, in the unit that the value has at this point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     scale: f64,
     shift: f64,
-    /// What of the scale is due to transformations and not to units.
+    /// The part of the scale that comes from transformations, not from units.
     factor: f64,
 }
 
 impl Line {
-    /// The value is the source.
+    /// The identity: the value is the source.
     pub const fn new() -> Line {
         Line {
             scale: 1.0,
@@ -30,7 +30,7 @@ impl Line {
         }
     }
 
-    /// The value for a source.
+    /// The value for a given source.
     pub fn at(&self, source: f64) -> f64 {
         if *self == Line::new() {
             return source;
@@ -38,7 +38,7 @@ impl Line {
         self.scale * source + self.shift
     }
 
-    /// The value is converted from a unit to another one, where both are known.
+    /// Converts the value from one unit to another, if both are known.
     ///
     /// # Errors
     /// When they cannot be converted.
@@ -70,18 +70,18 @@ impl Line {
         Ok(())
     }
 
-    /// The value is transformed.
+    /// Applies a transformation to the value.
     pub fn transform(&mut self, by: &Transformation) {
         self.scale *= by.factor;
         self.factor *= by.factor;
         self.shift = by.factor * self.shift + by.offset;
     }
 
-    /// Factor and offset of a connection between the fields of two ports, for a source whose values are converted by `from` on
-    /// their way into its port, and an input whose values are converted by `to`. What the units of the fields make by themselves is left out.
+    /// Factor and offset of a connection between the fields of two ports. `from` converts the values of the source on their way into its
+    /// port, `to` those of the input. The conversion that follows from the units of the fields is left out.
     ///
     /// # Errors
-    /// When the framework cannot make the unit of one out of that of the other.
+    /// When the framework cannot convert the unit of one field into that of the other.
     pub fn between(&self, from: &Conversion, to: &Conversion) -> Result<(Option<Value>, Option<Value>), String> {
         let scale = to.factor * self.scale / from.factor;
         let parts = [to.factor * self.shift, to.offset, -scale * from.offset];
@@ -121,7 +121,7 @@ fn number(value: f64, unit: &str) -> Value {
     }
 }
 
-/// The unit by which another one is divided out: `s m^-1` of `m/s`; nothing of a pure number.
+/// The unit that divides by another one: `s m^-1` for `m/s`; none for a pure number.
 fn inverse(unit: &str) -> String {
     let mut all = Vec::new();
     for part in unit.split(' ') {
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn offsets_of_units_meet_factors() {
-        // Ports have kelvin; 2 x + 10 is meant of degrees Celsius.
+        // Ports use kelvin; 2 x + 10 applies to degrees Celsius.
         let celsius = unit("degC", HEAT, 1.0, 273.15);
         let kelvin = unit("K", HEAT, 1.0, 0.0);
         let mut line = Line::new();
@@ -224,7 +224,7 @@ mod tests {
             refused.contains("`m` is no `K`") && refused.contains("suppressUnitConversion"),
             "{refused}"
         );
-        // The radian is no dimension.
+        // The radian is dimensionless.
         let rate = unit("1/s", [0, 0, -1, 0, 0, 0, 0, 0], 1.0, 0.0);
         let turning = unit("rad/s", [0, 0, -1, 0, 0, 0, 0, 1], 1.0, 0.0);
         assert_eq!(Line::new().convert(Some(&rate), Some(&turning)), Ok(()));

@@ -11,17 +11,17 @@ use crate::structure::{Bound, Content as ElementContent, Structure};
 use crate::transform::Transformation;
 use crate::values::{Content, Given};
 
-/// What is bound to which connector of a system, and to which variable of a component.
+/// The values bound to the connectors of systems, and to the variables of components.
 pub type Values<'a> = BTreeMap<(usize, String), &'a Bound>;
 
-/// A part of the way of a value: whether its unit is left alone, what it becomes, and the unit of what takes it.
+/// A step on the path of a value: whether unit conversion is suppressed, the transformation, and the unit of the receiver.
 pub type Passed<'a> = (bool, &'a Transformation, Option<&'a Unit>);
 
-/// Resolves the bindings of all elements: of a system before those inside it, and later ones before earlier ones. Names that there are
-/// nowhere are given back: the standard has them ignored.
+/// Resolves the bindings of all elements: those of a system before those inside it, and later ones before earlier ones. Returns names that
+/// exist nowhere, which the standard requires to be ignored.
 pub fn resolve<'a>(structure: &'a Structure, has: &dyn Fn(usize, &str) -> bool) -> (Values<'a>, Vec<&'a Bound>) {
     let (mut values, mut nowhere) = (Values::new(), Vec::new());
-    // A system stands before the elements inside it.
+    // A system precedes the elements inside it.
     for (number, element) in structure.elements.iter().enumerate().rev() {
         for bound in &element.bindings {
             if put(structure, has, number, &bound.target, bound, &mut values) == 0 {
@@ -32,7 +32,7 @@ pub fn resolve<'a>(structure: &'a Structure, has: &dyn Fn(usize, &str) -> bool) 
     (values, nowhere)
 }
 
-/// Binds a value to what `name` means from `element` on; how often it was of use.
+/// Binds a value to the targets that `name` denotes, starting at `element`; returns how many there were.
 fn put<'a>(
     structure: &'a Structure,
     has: &dyn Fn(usize, &str) -> bool,
@@ -58,10 +58,10 @@ fn put<'a>(
     used
 }
 
-/// What a scenario writes for `variable`, of a value that has passed `way`.
+/// The scenario's value for `variable`, from a value that has passed along `way`.
 ///
 /// # Errors
-/// When the variable cannot have the value, with its place in the set.
+/// When the variable cannot have the value, with the value's location in the set.
 pub fn setting(
     description: &Description,
     variable: &Variable,
@@ -152,7 +152,7 @@ fn words(content: &Content) -> &'static str {
     }
 }
 
-/// What the tables on the way make of a value.
+/// The value after the tables on its path.
 fn passed(text: &str, way: &[Passed<'_>]) -> String {
     way.iter().fold(text.to_owned(), |text, (_, transformation, _)| {
         if transformation.table.is_some() {
@@ -163,7 +163,7 @@ fn passed(text: &str, way: &[Passed<'_>]) -> String {
     })
 }
 
-/// What becomes of a number on its way into the unit of the variable.
+/// The number after its path, in the unit of the variable.
 fn line(given: &Given, variable: &Variable, description: &Description, way: &[Passed<'_>]) -> Result<Line, String> {
     let mut line = Line::new();
     let mut unit = given.unit.as_ref();

@@ -1,4 +1,4 @@
-//! The reader of `SystemStructure.ssd`, with the files that it names.
+//! The reader of `SystemStructure.ssd` and of the files that it refers to.
 
 mod reference;
 
@@ -22,23 +22,23 @@ const DEPTH_MAX: usize = 64;
 /// The most elements of one structure.
 const ELEMENTS_MAX: usize = 10_000;
 
-/// What has been read so far, of the description and of those that it names.
+/// Everything read so far, from the description and from those that it refers to.
 #[derive(Default)]
 struct Found {
     files: Vec<Rc<str>>,
     elements: Vec<Element>,
     inside: BTreeMap<String, Vec<u8>>,
-    /// Signal dictionaries by the system that has them and their names.
+    /// Signal dictionaries by the system that contains them and their names.
     dictionaries: Vec<(usize, String)>,
     problems: Vec<Problem>,
 }
 
-/// Where a description stands.
+/// The location of a description.
 struct Home<'a> {
     package: &'a Package,
-    /// What the names of its files begin with: `inner.ssp!/` of a package inside the package.
+    /// The prefix of its files' names: `inner.ssp!/` for a package inside the package.
     prefix: String,
-    /// The folder inside the package that sources start from, with a slash at its end, or nothing.
+    /// The folder inside the package to which sources are relative, with a slash at its end; empty for the root.
     folder: String,
 }
 
@@ -55,7 +55,7 @@ struct Reader<'a> {
 /// Reads the description of `package`, which is `bytes`.
 ///
 /// # Errors
-/// Everything that is wrong with it or cannot be expressed.
+/// All problems: what is wrong with it or cannot be expressed.
 pub fn read(package: &Package, bytes: &[u8]) -> Result<Structure, Vec<Problem>> {
     let home = Home {
         package,
@@ -79,7 +79,7 @@ pub fn read(package: &Package, bytes: &[u8]) -> Result<Structure, Vec<Problem>> 
     }
 }
 
-/// Reads the description `file`, which is `bytes`; what is found stands behind what was found before.
+/// Reads the description `file`, whose content is `bytes`; appends its elements to those read before.
 fn described<T>(
     home: &Home<'_>,
     file: &str,
@@ -90,7 +90,7 @@ fn described<T>(
     let name = format!("{}{file}", home.prefix);
     parse(&name, bytes, |xml, root| {
         found.files.push(name.as_str().into());
-        // The node and its document live as long as the call.
+        // The node and its document live as long as this call.
         let mut reader = Reader {
             xml,
             root,
@@ -105,7 +105,7 @@ fn described<T>(
 }
 
 impl<'a> Reader<'a> {
-    /// The root system, of which the version is known.
+    /// Reads the root system of a document whose version is known.
     fn root_system(&self) -> Result<Node<'a, 'a>, Problem> {
         let (xml, root) = (self.xml, self.root);
         xml.root(root, "SystemStructureDescription")?;
@@ -116,7 +116,7 @@ impl<'a> Reader<'a> {
         child(root, "System").ok_or_else(|| xml.problem(root, "it has no `System`"))
     }
 
-    /// All but what was found.
+    /// The remaining fields of an element, without the problems found.
     fn structure(&mut self) -> Result<Structure, Problem> {
         let system = self.root_system()?;
         let (xml, root) = (self.xml, self.root);
@@ -149,7 +149,7 @@ impl<'a> Reader<'a> {
         self.found.problems.push(problem);
     }
 
-    /// What systems and components have in common.
+    /// Reads what systems and components have in common.
     fn element(&mut self, node: Node<'a, 'a>, parent: Option<usize>, content: Content) -> Result<usize, Problem> {
         let xml = self.xml;
         // The name of the root may be missing: nothing refers to it.
@@ -228,7 +228,7 @@ impl<'a> Reader<'a> {
         self.content_of(node, own, depth)
     }
 
-    /// What stands inside the system `own`.
+    /// Reads the content of the system `own`.
     fn content_of(&mut self, node: Node<'a, 'a>, own: usize, depth: usize) -> Result<(), Problem> {
         if depth > DEPTH_MAX {
             return Err(self
@@ -260,7 +260,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A reference to a signal dictionary of this system or of one around it.
+    /// A reference to a signal dictionary of this system or of an enclosing one.
     fn shared(&mut self, node: Node<'a, 'a>, parent: usize) -> Result<(), Problem> {
         let name = self.xml.needed(node, "dictionary")?;
         let mut around = Some(parent);
@@ -434,7 +434,7 @@ impl<'a> Reader<'a> {
         Ok(bound)
     }
 
-    /// What `read` makes of the file that `node` names as its source, or of what stands in its child `wrapper`, else in itself.
+    /// Applies `read` to the file that `node` names as its source, or else to the content of its child `wrapper`, or else to `node` itself.
     fn content<T>(
         &mut self,
         node: Node<'a, 'a>,
@@ -463,7 +463,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// A URI without its percent signs.
+/// A URI with its percent-encoding decoded.
 fn decoded(uri: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = uri.as_bytes();

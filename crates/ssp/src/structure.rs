@@ -1,4 +1,4 @@
-//! A system structure: systems, components, and what connects them.
+//! A system structure: systems, components, and their connections.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -12,9 +12,9 @@ use crate::values::Given;
 /// The description of a package. Elements are numbered; the first is the root system.
 #[derive(Debug)]
 pub struct Structure {
-    /// The files inside the package: the description, and those of other systems that it names.
+    /// The files inside the package: the description, and those of other systems that it refers to.
     pub files: Vec<Rc<str>>,
-    /// The FMUs of packages inside the package, by their sources.
+    /// The FMUs of nested packages, by their sources.
     pub inside: BTreeMap<String, Vec<u8>>,
     /// Its name.
     pub name: String,
@@ -40,26 +40,27 @@ pub struct Place {
 pub struct Element {
     /// Its name in its system.
     pub name: String,
-    /// The system in which it is; none of the root.
+    /// The system that contains it; none for the root.
     pub parent: Option<usize>,
     /// Its connectors.
     pub connectors: Vec<Connector>,
     /// Values of parameters, later ones before earlier ones.
     pub bindings: Vec<Bound>,
-    /// What it is.
+    /// Its kind.
     pub content: Content,
     /// The line.
     pub line: Place,
 }
 
-/// What an element is.
+/// The kind of an element.
 #[derive(Debug)]
 pub enum Content {
     /// A system with connections of its own.
     System(Vec<Connection>),
-    /// A component with the entry of the archive that has its FMU.
+    /// A component, with the entry of the archive that contains its FMU.
     Component(String),
-    /// A reference to the signal dictionary of this number: what goes into a connector of one comes out of those of the same name of all.
+    /// A reference to the signal dictionary of this number: a value that enters a connector of one reference leaves by the connectors of
+    /// that name of all references.
     Shared(usize),
 }
 
@@ -68,40 +69,40 @@ pub enum Content {
 pub struct Connector {
     /// Its name.
     pub name: String,
-    /// What it is for.
+    /// Its kind.
     pub kind: Kind,
-    /// Its unit, where it says one.
+    /// Its unit, if stated.
     pub unit: Option<Unit>,
     /// The line.
     pub line: Place,
 }
 
-/// What a connector is for.
+/// The kind of a connector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A value goes into the element before the run starts.
+    /// A value that enters the element before the run starts.
     Parameter,
-    /// A value goes into the element.
+    /// A value that enters the element.
     Input,
-    /// A value comes out of it.
+    /// A value that leaves the element.
     Output,
-    /// It is not said.
+    /// Not stated.
     Open,
 }
 
 /// An end of a connection: an element of the system, or none for the system itself, and a connector.
 pub type End = (Option<usize>, String);
 
-/// A connection of a system. Which end gives follows from the kinds of the connectors.
+/// A connection of a system. The kinds of the connectors determine which end is the source.
 #[derive(Debug)]
 pub struct Connection {
     /// One end.
     pub start: End,
-    /// The other one.
+    /// The other end.
     pub end: End,
-    /// Whether units are left as they are.
+    /// Whether unit conversion is suppressed.
     pub suppress: bool,
-    /// What becomes of the value.
+    /// The transformation of the value.
     pub transformation: Transformation,
     /// The line.
     pub line: Place,
@@ -110,13 +111,13 @@ pub struct Connection {
 /// A value for a parameter of an element, or of one inside it.
 #[derive(Debug, Clone)]
 pub struct Bound {
-    /// The parameter's name from the element on: `P`, or `inner.P`.
+    /// The parameter's name relative to the element: `P`, or `inner.P`.
     pub target: String,
     /// The value.
     pub given: Rc<Given>,
-    /// Whether its unit is left as it is.
+    /// Whether unit conversion is suppressed.
     pub suppress: bool,
-    /// What becomes of the value.
+    /// The transformation of the value.
     pub transformation: Transformation,
 }
 
@@ -126,7 +127,7 @@ impl Element {
         self.connectors.iter().find(|one| one.name == name)
     }
 
-    /// Whether it is a component.
+    /// Whether the element is a component.
     pub fn source(&self) -> Option<&str> {
         match &self.content {
             Content::Component(source) => Some(source),
@@ -136,7 +137,7 @@ impl Element {
 }
 
 impl Structure {
-    /// The name of an element from the root on: `inner.gain`; that of the root is empty.
+    /// The name of an element relative to the root: `inner.gain`; empty for the root itself.
     pub fn path(&self, element: usize) -> String {
         let own = &self.elements[element];
         match own.parent.map(|parent| self.path(parent)) {

@@ -1,4 +1,4 @@
-//! Where the value of a connector comes from, through the connectors of nested systems.
+//! Tracing of the value of a connector to its source, through the connectors of nested systems.
 
 use std::collections::HashMap;
 
@@ -7,35 +7,35 @@ use fmu::Unit;
 use crate::error::Problem;
 use crate::structure::{Connection, Content, End, Kind, Structure};
 
-/// A connection on the way of a value, with the connector that takes it there.
+/// A connection on the path of a value, with the connector that the value enters by it.
 #[derive(Clone, Copy)]
 pub struct Step<'a> {
     /// The connection.
     pub connection: &'a Connection,
-    /// The element whose connector takes the value, and its connector.
+    /// The element whose connector receives the value, and its connector.
     pub taker: (usize, &'a str),
 }
 
-/// Where a value comes from, and its way from there on.
+/// The source of a value, and the path from there.
 pub struct Trace<'a> {
-    /// The element and its connector: of a component that gives the value, or of one that nothing feeds.
+    /// The element and its connector: of the component that computes the value, or of an element with an unconnected one.
     pub origin: (usize, &'a str),
     /// Connections in the order in which the value passes them.
     pub steps: Vec<Step<'a>>,
 }
 
-/// The connections of all systems by what they feed.
+/// The connections of all systems, indexed by the end that they feed.
 pub struct Network<'a> {
     structure: &'a Structure,
-    /// By system and taking end: the connection, its giving end and its taking one.
+    /// By system and receiving end: the connection, its source end and its receiving end.
     feeds: HashMap<(usize, End), (&'a Connection, &'a End, &'a End)>,
-    /// By signal dictionary and name: the reference into which the value goes.
+    /// By signal dictionary and name: the reference that the value enters.
     shared: HashMap<(usize, &'a str), usize>,
     count: usize,
 }
 
 impl<'a> Network<'a> {
-    /// Tells for each connection which end gives.
+    /// Determines the source end of each connection.
     ///
     /// # Errors
     /// Connections without a direction, and connectors that are fed twice.
@@ -81,7 +81,7 @@ impl<'a> Network<'a> {
         (network, problems)
     }
 
-    /// Notes that a value goes into a reference to a signal dictionary; whether another one does already.
+    /// Records that a value enters a reference to a signal dictionary; returns whether another one already does.
     fn share(&mut self, taker: &'a End) -> bool {
         let Some(reference) = taker.0 else { return false };
         let Content::Shared(dictionary) = self.structure.elements[reference].content else {
@@ -91,7 +91,7 @@ impl<'a> Network<'a> {
         before.is_some_and(|before| before != reference)
     }
 
-    /// Whether an end gives a value inside `system`; an input of the system itself does.
+    /// Whether an end is a source inside `system`, as an input of the system itself is.
     fn gives(&self, system: usize, end: &End) -> Option<bool> {
         let owner = &self.structure.elements[end.0.unwrap_or(system)];
         let out = match owner.connector(&end.1)?.kind {
@@ -102,14 +102,14 @@ impl<'a> Network<'a> {
         Some(out == end.0.is_some())
     }
 
-    /// From where the connector `name` of `element` is fed: of a component or system from outside, of the root from inside.
+    /// The source of the connector `name` of `element`: outside a component or system, inside the root.
     ///
     /// # Errors
     /// Connections in a circle without a component.
     pub fn trace(&self, element: usize, name: &'a str) -> Result<Trace<'a>, Problem> {
         let structure = self.structure;
         let mut steps = Vec::new();
-        // The connector, and whether it is looked at from inside its own system.
+        // The connector, and whether it is seen from inside its own system.
         let mut at = (element, name, structure.elements[element].parent.is_none());
         loop {
             let (owner, name, inside) = at;
@@ -137,7 +137,7 @@ impl<'a> Network<'a> {
                 taker: (owner, &taker.1),
             });
             match giver.0 {
-                // Out of a component: there it is made.
+                // An output of a component: the source.
                 Some(component) if structure.elements[component].source().is_some() => {
                     steps.reverse();
                     return Ok(Trace {
@@ -145,7 +145,7 @@ impl<'a> Network<'a> {
                         steps,
                     });
                 }
-                // Out of a nested system: look inside. Out of a signal dictionary: look where the value goes in.
+                // An output of a nested system: continue inside. Of a signal dictionary: continue where the value enters it.
                 Some(nested) => {
                     at = match structure.elements[nested].content {
                         Content::Shared(dictionary) => match self.shared.get(&(dictionary, giver.1.as_str())) {
@@ -155,14 +155,14 @@ impl<'a> Network<'a> {
                         _ => (nested, giver.1.as_str(), true),
                     }
                 }
-                // In through the system's own connector: look outside.
+                // The system's own input: continue outside.
                 None => at = (system, &giver.1, false),
             }
         }
     }
 }
 
-/// The unit of a value that has passed `steps`, each of which may give it another one.
+/// The unit of a value after `steps`, each of which may change it.
 pub fn unit_after<'a>(before: Option<&'a Unit>, taker: Option<&'a Unit>, suppress: bool) -> Option<&'a Unit> {
     match (taker, suppress) {
         (Some(unit), _) => Some(unit),

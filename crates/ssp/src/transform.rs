@@ -5,21 +5,21 @@ use roxmltree::Node;
 use crate::error::Problem;
 use crate::xml::{Xml, children, elements, truth};
 
-/// What is done to a value on its way, after units were converted.
+/// The transformation of a value on its path, after unit conversion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transformation {
     /// target = factor · source + offset.
     pub factor: f64,
     /// See above.
     pub offset: f64,
-    /// The name of the element, where it is a table.
+    /// The name of the XML element, for a table.
     pub table: Option<&'static str>,
-    /// Values of a table by what they become; others stay what they are.
+    /// The table from values to new values; values not in it stay unchanged.
     pub entries: Vec<(String, String)>,
 }
 
 impl Transformation {
-    /// Everything stays what it is.
+    /// The identity: every value stays unchanged.
     pub const fn none() -> Transformation {
         Transformation {
             factor: 1.0,
@@ -32,7 +32,7 @@ impl Transformation {
     /// The transformation below `node`; the identity where there is none.
     ///
     /// # Errors
-    /// A number or a table that is none.
+    /// A number or a table that is malformed.
     pub fn read(xml: Xml<'_>, node: Node<'_, '_>) -> Result<Transformation, Problem> {
         let mut own = Transformation::none();
         for element in elements(node) {
@@ -57,7 +57,7 @@ impl Transformation {
         Ok(own)
     }
 
-    /// Whether numbers stay what they are.
+    /// Whether numbers stay unchanged.
     pub fn is_linear_identity(&self) -> bool {
         self.factor == 1.0 && self.offset == 0.0
     }
@@ -67,7 +67,7 @@ impl Transformation {
         self.entries.iter().any(|(source, target)| source != target)
     }
 
-    /// What the table makes of `value`.
+    /// The result of the table for `value`.
     pub fn mapped(&self, value: &str) -> String {
         let value = plain(value);
         let found = self.entries.iter().find(|(source, _)| *source == value);
@@ -75,7 +75,7 @@ impl Transformation {
     }
 }
 
-/// One spelling for truth values and for whole numbers.
+/// Normalises the spelling of truth values and whole numbers.
 fn plain(text: &str) -> String {
     let text = text.trim();
     match (truth(text), text.parse::<i128>()) {

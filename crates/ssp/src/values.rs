@@ -14,9 +14,9 @@ use crate::xml::{Xml, child, children, elements, truth};
 pub struct Given {
     /// The parameter's name in its set.
     pub name: String,
-    /// What it is.
+    /// Its kind and value.
     pub content: Content,
-    /// Its unit, where it says one.
+    /// Its unit, if stated.
     pub unit: Option<Unit>,
     /// The file inside the package.
     pub file: Rc<str>,
@@ -24,7 +24,7 @@ pub struct Given {
     pub line: u32,
 }
 
-/// What a parameter is; one value each unless it is an array.
+/// The value of a parameter; one element unless it is an array.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Content {
     /// Floating-point numbers.
@@ -35,14 +35,14 @@ pub enum Content {
     Truth(Vec<bool>),
     /// Texts.
     Text(Vec<String>),
-    /// Items of an enumeration by name, and their values as far as the set says.
+    /// Items of an enumeration by name, and their values where the set states them.
     Items(Vec<String>, Vec<(String, i64)>),
     /// Bytes in hexadecimal.
     Bytes(Vec<String>),
 }
 
 impl Given {
-    /// A problem at the place of the value.
+    /// A problem at the location of the value.
     pub fn problem(&self, reason: String) -> Problem {
         Problem {
             file: self.file.to_string(),
@@ -52,7 +52,7 @@ impl Given {
     }
 }
 
-/// Reads a `ParameterSet`, the root of a file or one that stands in a description.
+/// Reads a `ParameterSet`, the root of a file or an element of a description.
 ///
 /// # Errors
 /// What is missing or wrong, with its line.

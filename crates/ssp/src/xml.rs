@@ -1,4 +1,4 @@
-//! Elements and attributes of a file of the package, with the lines for messages.
+//! Elements and attributes of a file of the package, with line numbers for messages.
 
 use fmu::{BASE_UNITS, BaseUnit, Unit};
 use roxmltree::{Document, Node, ParsingOptions};
@@ -10,7 +10,7 @@ const SIZE_MAX: usize = 64 << 20;
 /// The most elements in a file.
 const NODES_MAX: u32 = 4_000_000;
 
-/// A file that is being read.
+/// A file being read.
 #[derive(Clone, Copy)]
 pub struct Xml<'a> {
     /// Its name inside the package.
@@ -18,10 +18,10 @@ pub struct Xml<'a> {
     document: &'a Document<'a>,
 }
 
-/// Parses the bytes of `file` and hands them to `read`.
+/// Parses the bytes of `file` and passes the document to `read`.
 ///
 /// # Errors
-/// What is no XML, and what `read` refuses.
+/// When it is not XML, or `read` rejects it.
 pub fn parse<T>(
     file: &str,
     bytes: &[u8],
@@ -56,7 +56,7 @@ fn document<'a>(file: &str, bytes: &'a [u8]) -> Result<Document<'a>, Problem> {
         .map_err(|error| problem(error.pos().row, format!("it is not XML: {error}")))
 }
 
-/// The children of `node` that are called `name`, whatever prefix their namespace has.
+/// The children of `node` that are called `name`, whatever their namespace prefix.
 pub fn children<'a, 'i: 'a>(node: Node<'a, 'i>, name: &'static str) -> impl Iterator<Item = Node<'a, 'i>> {
     elements(node).filter(move |child| child.tag_name().name() == name)
 }
@@ -86,7 +86,7 @@ impl Xml<'_> {
         }
     }
 
-    /// Refuses a root that is not called `name`.
+    /// Rejects a root that is not called `name`.
     pub fn root(&self, node: Node<'_, '_>, name: &str) -> Result<(), Problem> {
         let own = node.tag_name().name();
         if own == name {
@@ -95,13 +95,13 @@ impl Xml<'_> {
         Err(self.problem(node, format!("the root is `{own}`, not `{name}`")))
     }
 
-    /// An attribute that must be there.
+    /// A required attribute.
     pub fn needed(&self, node: Node<'_, '_>, name: &str) -> Result<String, Problem> {
         let found = node.attribute(name).map(str::to_owned);
         found.ok_or_else(|| self.problem(node, format!("`{}` has no `{name}`", node.tag_name().name())))
     }
 
-    /// A finite number, where the attribute is there.
+    /// A finite number, if the attribute is present.
     pub fn number(&self, node: Node<'_, '_>, name: &str) -> Result<Option<f64>, Problem> {
         let Some(text) = node.attribute(name) else {
             return Ok(None);
@@ -126,7 +126,7 @@ impl Xml<'_> {
         }
     }
 
-    /// The unit that the attribute `unit` of `node` names, out of `Units` of the `root` of the file.
+    /// The unit that the attribute `unit` of `node` names, from `Units` of the `root` of the file.
     pub fn unit(&self, root: Node<'_, '_>, node: Node<'_, '_>) -> Result<Option<Unit>, Problem> {
         let Some(name) = node.attribute("unit").filter(|name| !name.is_empty()) else {
             return Ok(None);
@@ -155,7 +155,7 @@ impl Xml<'_> {
     }
 }
 
-/// A truth value as XML writes it.
+/// A truth value in the notation of XML.
 pub fn truth(text: &str) -> Option<bool> {
     match text {
         "true" | "1" => Some(true),

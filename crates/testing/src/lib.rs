@@ -1,4 +1,4 @@
-//! What tests of several packages share. No library and no program links it.
+//! Utilities that tests of several packages share. No library and no program links this crate.
 
 pub mod random;
 

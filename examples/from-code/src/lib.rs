@@ -10,13 +10,13 @@ escapement::message! {
     pub struct Level {
         /// Depth of the water.
         pub depth: f64 = "m",
-        /// What has run out so far.
+        /// The volume that has leaked so far.
         pub lost: f64 = "m^3",
     }
 }
 
 escapement::message! {
-    /// What the pump gives.
+    /// The output of the pump.
     pub struct Pump {
         /// Volume per second.
         pub flow: f64 = "m^3/s",
@@ -32,7 +32,7 @@ struct Tank {
     leak: f64,
 }
 
-/// What the scenario may say below `parameters`.
+/// The parameters of a tank, below `parameters` in a scenario.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameters {
@@ -61,7 +61,7 @@ impl Participant for Tank {
     }
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        // Torricelli: what is open runs as fast as it has fallen.
+        // Torricelli's law: the outflow speed is that of a free fall from the water surface.
         let leaks = self.leak * (2.0 * 9.81 * self.level.depth.max(0.0)).sqrt();
         self.level.depth += step.period * (inputs.get::<Pump>(0).flow - leaks) / AREA;
         self.level.lost += step.period * leaks;
@@ -83,7 +83,7 @@ impl Participant for Tank {
     }
 }
 
-/// Gives as much as the level lacks.
+/// Delivers a flow proportional to the level error.
 struct Controller {
     ports: Ports,
     level: InputPort<Level>,
@@ -91,13 +91,13 @@ struct Controller {
     parameters: Gains,
 }
 
-/// What the scenario may say below `parameters` of a pump.
+/// The parameters of a pump, below `parameters` in a scenario.
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gains {
-    /// The depth that is wanted, m.
+    /// The desired depth, m.
     pub wanted: f64,
-    /// Flow for each metre that is missing, m²/s.
+    /// Flow per metre of level error, m²/s.
     pub gain: f64,
 }
 
@@ -132,7 +132,7 @@ pub fn contents(catalogue: Catalogue) -> Catalogue {
         .participant("pump", Controller::make)
 }
 
-/// A catalogue of that.
+/// A catalogue with these contents.
 pub fn catalogue() -> Arc<Catalogue> {
     Arc::new(contents(Catalogue::new(concat!(
         "from-code ",
@@ -140,7 +140,7 @@ pub fn catalogue() -> Arc<Catalogue> {
     ))))
 }
 
-/// Two minutes of a tank that leaks. Nobody in the scenario feeds its pump: code does, so it is named in `inputs`.
+/// Two minutes of a leaking tank. Nothing in the scenario feeds its pump input: code sets it, so it is listed in `inputs`.
 ///
 /// # Errors
 /// None, unless the text below is wrong.
@@ -158,7 +158,7 @@ pub fn scenario() -> Result<Scenario, Box<dyn std::error::Error>> {
     Ok(Scenario::read_text(&catalogue(), Path::new("tank.toml"), text)?)
 }
 
-/// In this process, with the tape in memory.
+/// A run in this process, with the tape in memory.
 pub fn options() -> Options {
     Options {
         in_process: true,

@@ -25,7 +25,7 @@ struct Autopilot {
     gain: f64,
 }
 
-/// Makes an autopilot.
+/// Creates an autopilot.
 pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let parameters: Parameters = units::read(&setup.parameters)?;
     let mut ports = Ports::new(Kind::Sampled);

@@ -6,9 +6,9 @@ use serde::Deserialize;
 
 use crate::messages::{Command, Motion};
 
-/// Of the Moon at its surface, m/s².
+/// Gravity at the surface of the Moon, m/s².
 pub const GRAVITY: f64 = 1.62;
-/// Of a storable bipropellant engine, m/s.
+/// Exhaust velocity of a storable bipropellant engine, m/s.
 const EXHAUST_SPEED: f64 = 3050.0;
 
 /// The table `parameters` of a lander.
@@ -31,7 +31,7 @@ struct Lander {
     thrust_max: f64,
 }
 
-/// Makes a lander.
+/// Creates a lander.
 pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let parameters: Parameters = units::read(&setup.parameters)?;
     let (mass, dry_mass) = (parameters.mass.si(), parameters.dry_mass.si());
@@ -108,7 +108,7 @@ mod tests {
     fn without_thrust_it_falls() {
         let mut lander = lander();
         lander.steps(100);
-        // The speed at the end of a step is that of the whole step: half a step more than g t²/2.
+        // The step uses the speed at its end for the whole step: half a step more than g t²/2.
         assert!((lander.value("motion.height") - (10.0 - 0.5 * GRAVITY * 1.01)).abs() < 1e-9);
         lander.steps(300);
         assert_eq!(lander.get::<Motion>("motion").height, 0.0);

@@ -1,4 +1,4 @@
-//! A lander and its autopilot in a program of their own, which has every command of `escapement`:
+//! A lander and its autopilot in a separate program, which has every command of `escapement`:
 //!
 //! ```text
 //! cargo run --release -p lander -- run examples/lander/lander.toml

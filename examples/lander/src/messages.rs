@@ -1,13 +1,13 @@
-//! What lander and autopilot tell each other. Frame N: origin on the ground, z up.
+//! The messages between lander and autopilot. Frame N: origin on the ground, z up.
 
 escapement::message! {
-    /// Where the lander is.
+    /// The state of the lander.
     pub struct Motion {
         /// Height above the ground.
         pub height: f64 = "m" in "N",
         /// Velocity upwards.
         pub velocity: f64 = "m/s" in "N",
-        /// Mass with the propellant that is left.
+        /// Mass including the remaining propellant.
         pub mass: f64 = "kg",
         /// Speed at touchdown; zero before.
         pub touchdown_speed: f64 = "m/s",
@@ -15,7 +15,7 @@ escapement::message! {
 }
 
 escapement::message! {
-    /// What the autopilot asks of the engine.
+    /// The thrust command of the autopilot.
     pub struct Command {
         /// Thrust upwards.
         pub thrust: f64 = "N" in "N",

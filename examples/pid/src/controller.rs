@@ -1,4 +1,4 @@
-//! A PID controller with a limited force, whose integral rests at the limit.
+//! A PID controller with a limited force, whose integral is frozen at the limit.
 
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
 use lockstep::units::{self, Force, LinearDamping, LinearStiffness, Quantity, Time};
@@ -17,7 +17,7 @@ struct Pid {
     integral: f64,
 }
 
-/// Makes a controller whose integral is zero.
+/// Creates a controller whose integral is zero.
 pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let pid: Pid = units::read(&setup.parameters)?;
     if pid.limit.si() < 0.0 {

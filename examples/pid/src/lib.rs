@@ -1,5 +1,5 @@
-//! A position loop at three rates: a mass on a spring with a damper, its PID controller, and where it shall be. The same in C and C++
-//! stands in `examples/c` and `examples/cpp`.
+//! A position loop at three rates: a mass on a spring with a damper, its PID controller, and a reference. The same loop in C and C++ is in
+//! `examples/c` and `examples/cpp`.
 
 pub mod controller;
 mod messages;
@@ -10,7 +10,7 @@ use escapement::Catalogue;
 
 pub use messages::{Motion, Push, Target};
 
-/// What the program contains, and what its FMUs are made of.
+/// The contents of the program and of its FMUs.
 pub fn contents(catalogue: Catalogue) -> Catalogue {
     catalogue
         .participant("plant", plant::make)
@@ -18,7 +18,7 @@ pub fn contents(catalogue: Catalogue) -> Catalogue {
         .participant("reference", reference::make)
 }
 
-// The library is a plug-in, and goes into FMUs: pid fmu export … --library target/release/libposition_loop.so
+// The library is a plug-in and is packed into FMUs: pid fmu export … --library target/release/libposition_loop.so
 escapement::fmu!(contents);
 plugin::export! {
     "plant" => plant::make,

@@ -1,9 +1,9 @@
-//! What the three tell each other.
+//! The messages of the three participants.
 
 lockstep::message! {
-    /// Where the mass is and how fast it moves.
+    /// The state of the mass.
     pub struct Motion {
-        /// Distance from where the spring is slack, along x.
+        /// Displacement from the unstretched spring, along x.
         pub position: f64 = "m" in "N",
         /// Velocity along x.
         pub velocity: f64 = "m/s" in "N",
@@ -11,7 +11,7 @@ lockstep::message! {
 }
 
 lockstep::message! {
-    /// What pushes the mass.
+    /// The force on the mass.
     pub struct Push {
         /// Force along x.
         pub force: f64 = "N" in "N",
@@ -19,9 +19,9 @@ lockstep::message! {
 }
 
 lockstep::message! {
-    /// Where the mass shall be.
+    /// The reference position of the mass.
     pub struct Target {
-        /// Distance from where the spring is slack, along x.
+        /// Displacement from the unstretched spring, along x.
         pub position: f64 = "m" in "N",
     }
 }

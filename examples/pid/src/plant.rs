@@ -16,7 +16,7 @@ struct Plant {
     motion: (f64, f64),
 }
 
-/// Makes a plant at rest.
+/// Creates a plant at rest.
 pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     Ok(Box::new(units::read::<Plant>(&setup.parameters)?))
 }

@@ -1,4 +1,4 @@
-//! Where the mass shall be: from rest to a height, without a jump in velocity.
+//! The reference position: from rest to a height, without a jump in velocity.
 
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
 use lockstep::units::{self, Length, Quantity, Time};
@@ -13,7 +13,7 @@ struct Reference {
     rise: Quantity<Time>,
 }
 
-/// Makes a reference.
+/// Creates a reference.
 pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     Ok(Box::new(units::read::<Reference>(&setup.parameters)?))
 }
@@ -35,7 +35,7 @@ impl Participant for Reference {
     }
 
     fn save(&self) -> Option<Vec<u8>> {
-        // There is none.
+        // There is no state.
         Some(Vec::new())
     }
 

@@ -6,7 +6,7 @@ use escapement::prelude::*;
 use serde::Deserialize;
 
 escapement::enumeration! {
-    /// Where the valve stands.
+    /// The position of the valve.
     pub enum Valve {
         /// Nothing flows.
         Closed = 0,
@@ -18,11 +18,11 @@ escapement::enumeration! {
 }
 
 escapement::message! {
-    /// What the tank's instruments show.
+    /// The instruments of the tank.
     pub struct Gauge {
-        /// The level above the ground of the tank.
+        /// The level above the bottom of the tank.
         pub level: f64 = "m",
-        /// What the flow meter has counted: one for each millimetre of level, in both directions.
+        /// The count of the flow meter: one for each millimetre of level, in both directions.
         pub pulses: u16 = "1",
         /// The last change of the level, in whole micrometres.
         pub change: i16 = "um",
@@ -30,13 +30,13 @@ escapement::message! {
         pub full: bool = "1",
         /// Whether the lower switch is dry.
         pub empty: bool = "1",
-        /// Fills the message up.
+        /// Padding.
         pub padding: [u8; 2] = "1",
     }
 }
 
 escapement::message! {
-    /// What the operator does.
+    /// The operator's commands.
     pub struct Order {
         /// The valve.
         pub valve: Valve = "1",
@@ -49,11 +49,11 @@ escapement::message! {
 struct Tank {
     parameters: TankParameters,
     gauge: Gauge,
-    /// The level that has flown through the meter since its last pulse, m.
+    /// The change of level that has passed the meter since its last pulse, m.
     between: f64,
 }
 
-/// What the scenario says below `parameters`, with units.
+/// The parameters below `parameters` in a scenario, with units.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TankParameters {

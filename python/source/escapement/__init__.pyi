@@ -9,7 +9,7 @@ import pandas
 import xarray
 
 _Path = str | PathLike[str]
-# The keys of an entry of [[faults]], or a text as `--fault` takes it.
+# The keys of an entry of [[faults]], or a text in the syntax of `--fault`.
 _Fault = str | Mapping[str, Any]
 _Told = Callable[[str, Any], object]
 _M = TypeVar("_M", bound=Message)

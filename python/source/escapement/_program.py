@@ -22,7 +22,7 @@ def _candidates():
 
 
 def find():
-    """The program, or None: the one that ESCAPEMENT names, the one that came with this package, or one in PATH."""
+    """The path of the program, or None: the one that ESCAPEMENT names, the one installed with this package, or one in PATH."""
     for path in _candidates():
         if path and os.access(path, os.X_OK) and os.path.isfile(path):
             return os.path.abspath(path)
@@ -30,7 +30,7 @@ def find():
 
 
 def needed(what):
-    """The program; `what` needs it."""
+    """The path of the program, or an error that names `what` needs it."""
     path = find()
     if path is None:
         raise ProgramError(

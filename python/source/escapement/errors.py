@@ -10,7 +10,7 @@ class EscapementError(Exception):
 
 
 class ScenarioWarning(UserWarning):
-    """What is not wrong in a scenario, but cannot have been meant."""
+    """A warning: something in a scenario that is valid, but probably not intended."""
 
 
 class Mistake:
@@ -26,7 +26,7 @@ class Mistake:
 
 
 class ScenarioError(EscapementError):
-    """A scenario that is refused before anything runs.
+    """A scenario that is rejected before anything runs.
 
     `file`, `line`, `key` and `reason` are those of the first mistake, `mistakes` has all of them. The reason says what is wrong with
     which value, and the remedy.
@@ -41,7 +41,7 @@ class ScenarioError(EscapementError):
 
 
 class ParameterError(EscapementError):
-    """A parameter that a participant refuses: raise it in `__init__`, and the scenario is refused with file, line and key."""
+    """A parameter that a participant rejects: raise it in `__init__`, and the scenario is rejected with file, line and key."""
 
     def __init__(self, key, reason):
         super().__init__(f"`{key}`: {reason}")
@@ -49,10 +49,10 @@ class ParameterError(EscapementError):
 
 
 class RunError(EscapementError):
-    """A run that failed, or cannot go on.
+    """A run that failed, or cannot continue.
 
-    `participant` is the one that failed, or None. `run` is what the run has left, if it has a folder: its tape can be read up to the
-    failure. `__cause__` is the participant's own exception where it ran in this process.
+    `participant` is the name of the failed participant, or None. `run` is the run folder, if there is one: its tape can be read up to the
+    failure. `__cause__` is the participant's exception, if it ran in this process.
     """
 
     def __init__(self, message, *, participant=None, run=None):
@@ -65,7 +65,7 @@ class OptionError(EscapementError):
 
 
 class PortError(EscapementError):
-    """A port that is not there, or not as it is used."""
+    """A port that does not exist, or does not fit its use."""
 
 
 class TapeError(EscapementError):
@@ -73,8 +73,8 @@ class TapeError(EscapementError):
 
 
 class ProgramError(EscapementError):
-    """The program `escapement` is not there, or has failed."""
+    """The program `escapement` was not found, or has failed."""
 
 
 class MessageError(EscapementError, TypeError):
-    """A class or a value that is no message, or not the one that is needed."""
+    """A class or a value that is not a message, or not of the required type."""

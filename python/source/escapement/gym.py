@@ -1,4 +1,4 @@
-"""A scenario as an environment of gymnasium: an agent takes a participant's place."""
+"""A scenario as an environment of gymnasium: an agent replaces a participant."""
 
 import math
 from collections.abc import Mapping
@@ -15,24 +15,24 @@ from .scenarios import Scenario
 
 
 class Env(gymnasium.Env):
-    """The scenario with an agent in the place of the participant `agent`.
+    """The scenario with an agent that replaces the participant `agent`.
 
-    An observation is what the participant's inputs show at an activation, an action what its outputs give, each as a flat array of
-    doubles in the order of ports and fields. **An action is given out at the very activation whose inputs it was chosen from**, as the
-    participant itself would: of a sampled participant at that instant, of a continuous one a period later. So an agent that follows the
-    participant's law gives the tape of the run with the participant, byte for byte. The participant stays in its place where it can run in this
-    process, and is never stepped: a continuous one gives its first sample.
+    An observation holds the values of the participant's inputs at an activation, an action those of its outputs, each as a flat array of
+    doubles in the order of ports and fields. **An action takes effect at the same activation from whose inputs it was chosen**, as with the
+    participant itself: for a sampled participant at that instant, for a continuous one a period later. So an agent that implements the
+    participant's law produces the tape of the run with the participant, byte for byte. If the participant can run in this process, it is
+    still created but never stepped: a continuous one writes its first sample.
 
-    `reward(observation, action, t)` gives a number. Or `reward` names figures of the scenario with weights: `{"overshoot": -1.0}`. Then a step is
-    rewarded by what it adds to their weighted sum, so an episode adds up to the sum of the whole run; a figure that is not known yet counts as
-    zero. With `reward_at="end"` all of it comes with the last step.
+    `reward(observation, action, t)` returns a number. Or `reward` names figures of the scenario with weights: `{"overshoot": -1.0}`. The reward
+    of a step is then the increase of their weighted sum, so the rewards of an episode add up to the sum of the whole run; a figure that has no
+    value yet counts as zero. With `reward_at="end"` the last step yields the whole reward.
 
-    `terminated(observation, t)` says whether the episode is over. It is truncated at the scenario's end: the last observation is the one
-    before. A participant that fails, or a guard that is violated, terminates it with the reason in `info["failure"]`. Bounds of
+    `terminated(observation, t)` returns whether the episode is over. It is truncated at the scenario's end: the last observation is the one
+    before. The failure of a participant or the violation of a guard terminates it, with the reason in `info["failure"]`. Bounds of
     the spaces are those of the guards, and of `ranges`: `{"push.force": (-20.0, 20.0)}`, by port and field of the participant; others are
     infinite.
 
-    `reset()` goes back to a checkpoint in memory, or begins a new run where a participant cannot be saved; `reset(seed=…)` begins a run with
+    `reset()` restores a checkpoint in memory, or starts a new run if a participant cannot be saved; `reset(seed=…)` starts a run with
     another seed of the scenario.
     """
 
@@ -57,7 +57,7 @@ class Env(gymnasium.Env):
             raise EscapementError(f"`{agent}` has no output: an agent acts by its outputs")
         self.observation_space = _space(seen, bounds)
         self.action_space = _space(given, bounds)
-        # What the agent sees and gives: the module reads and writes these arrays.
+        # Observation and action: the native module writes and reads these arrays.
         self.seen, self.action = np.zeros(self.observation_space.shape), np.zeros(self.action_space.shape)
         self._reward = reward if callable(reward) else _Figures(reward, reward_at, checked["figures"])
         if callable(reward) and reward_at != "step":
@@ -69,7 +69,7 @@ class Env(gymnasium.Env):
             scenario.file, set=scenario._sets, participants=places, faults=scenario._faults, text=scenario._text
         )
         (period, offset) = self._scenario._native.timing(agent)
-        # Instants as whole numbers of a common part of a second.
+        # Instants as integer multiples of a common fraction of a second.
         self._parts = math.lcm(period[1], offset[1])
         self._period, self._offset = (part[0] * (self._parts // part[1]) for part in (period, offset))
         self._run = self._start = self._native = self._on = None
@@ -77,7 +77,7 @@ class Env(gymnasium.Env):
         self._steps = 0
 
     def reset(self, *, seed=None, options=None):
-        """Back to the beginning; with a seed, the beginning of a run with that seed."""
+        """Returns to the start of the run; with a seed, to the start of a run with that seed."""
         super().reset(seed=seed)
         if (seed is not None and seed != self._run_seed) or self._start is None:
             self.close()
@@ -105,7 +105,7 @@ class Env(gymnasium.Env):
         return self.seen.copy(), {"t": t}
 
     def step(self, action):
-        """Acts, and lets everybody on to the next activation."""
+        """Applies an action, and advances the run to the next activation."""
         if self._run is None:
             raise EscapementError("the environment is not begun, or its run has failed: reset it")
         self.action[:] = action
@@ -136,7 +136,7 @@ class Env(gymnasium.Env):
         return seen, value, True, False, {"t": t, "failure": str(error)}
 
     def outcome(self):
-        """Ends the run of this episode where it is, and gives what it is judged by: figures, and the digest of its tape. `reset` begins another."""
+        """Ends the run of this episode at its present time, and returns its figures and the digest of its tape. `reset` starts another run."""
         if self._run is None:
             raise EscapementError("the environment is not begun, or its run has failed: reset it")
         run, self._run = self._run, None
@@ -151,7 +151,7 @@ class Env(gymnasium.Env):
 
 
 class _Figures:
-    """A reward that is made of figures."""
+    """A reward computed from figures."""
 
     def __init__(self, weights, at, known):
         if not isinstance(weights, Mapping) or not weights:
@@ -183,7 +183,7 @@ class Policy:
 
     @staticmethod
     def of(env, function):
-        """The class; give it as the participant's place in `run`."""
+        """The class; pass it to `run` as the participant's replacement."""
         first = _first_sample(env) if env._seat["kind"] == "continuous" else None
 
         class Acts(_class_of(env._seat, env._parameters)):
@@ -201,7 +201,7 @@ class Policy:
 
 
 def _first_sample(env):
-    """What a continuous participant gives before its first activation, as a flat array."""
+    """The outputs of a continuous participant before its first activation, as a flat array."""
     values = []
     with Run(env._scenario, in_process=True, record="memory") as run:
         for port in env._seat["outputs"]:
@@ -211,7 +211,7 @@ def _first_sample(env):
 
 
 def _layout(ports):
-    """Port, field, number of elements of everything that a flat array holds."""
+    """Port, field and number of elements of each part of a flat array."""
     return [
         (port, part["name"], int(np.prod(part["shape"], dtype=int)))
         for port, descriptor in ports.items()
@@ -227,7 +227,7 @@ def _space(layout, bounds):
 
 
 def _bounds(table, agent, known, ranges):
-    """The bounds of the agent's fields: of guards over its outputs, of those over the outputs that its inputs read, and as given."""
+    """The bounds of the agent's fields: from guards on its outputs, from guards on the outputs that its inputs read, and from `ranges`."""
     reads = {}
     for connection in table.get("connections", {}).values():
         to = connection["to"]
@@ -256,7 +256,7 @@ def _bounds(table, agent, known, ranges):
 
 
 def _class_of(seat, parameters):
-    """A participant with the ports and parameters of another one."""
+    """A participant class with the ports and parameters of another participant."""
     space = {}
     for at, (name, descriptor) in enumerate(seat["inputs"].items()):
         space[f"in_{at}"] = Input(Message.of(descriptor), required=False, name=name)
@@ -268,7 +268,7 @@ def _class_of(seat, parameters):
     outputs = [(f"out_{at}", _layout({name: descriptor})) for at, (name, descriptor) in enumerate(seat["outputs"].items())]
 
     def pieces(self, ports):
-        """The memory of each field, with its place in a flat array."""
+        """The memory of each field, with its position in a flat array."""
         made, start = [], 0
         for attribute, layout in ports:
             for _, field, count in layout:

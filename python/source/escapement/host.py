@@ -1,4 +1,4 @@
-"""`python -m escapement.host FILE.py:CLASS`: a participant in a process of its own.
+"""`python -m escapement.host FILE.py:CLASS`: a participant in a separate process.
 
 A scenario names it as `run = { exe = "python3", args = ["-m", "escapement.host", "pid.py:Pid"] }`. The file is relative to the scenario's
 folder; `package.module:Class` is imported as usual.
@@ -35,7 +35,7 @@ def _file(path):
     path = os.path.abspath(path)
     if not os.path.isfile(path):
         raise EscapementError(f"there is no file {path}")
-    # Saved states name classes by their modules, so a file has one name, wherever it is loaded.
+    # Saved states name classes by their modules, so a file has the same module name wherever it is loaded.
     stem = os.path.splitext(os.path.basename(path))[0]
     name = f"_escapement_{hashlib.sha256(path.encode()).hexdigest()[:8]}_{stem}"
     main = sys.modules.get("__main__")
@@ -66,7 +66,7 @@ def _module(place, folder):
 
 
 def main(arguments=None):
-    """Hosts the class that the command line names; gives the exit code."""
+    """Hosts the class named on the command line; returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if len(arguments) != 1 or arguments[0].startswith("-"):
         print(__doc__.strip(), file=sys.stderr)
@@ -74,13 +74,13 @@ def main(arguments=None):
     from . import _native, participant
 
     participant._hosting = True
-    # What it prints is in the log when it is printed, also when it is killed.
+    # Line-wise output reaches the log immediately, even if the process is killed later.
     sys.stdout.reconfigure(line_buffering=True)
     name = arguments[0]
     try:
         held = find(name)
     except Exception as error:
-        # Told when the run asks for the ports: then it has the participant's name and its line in the scenario.
+        # Reported when the run queries the ports: the report then has the participant's name and its line in the scenario.
         held = error
     return _native.host(held, f"python {name}")
 

@@ -1,4 +1,4 @@
-"""Messages: what travels between participants, as classes over numpy memory."""
+"""Messages: the data exchanged by participants, as classes over numpy memory."""
 
 import enum
 import operator
@@ -8,7 +8,7 @@ import numpy as np
 
 from .errors import MessageError
 
-# The element types of the wire, as numpy and as `memoryview` name them.
+# The element types of payloads, with their numpy and `memoryview` names.
 ELEMENTS = {
     "f64": ("<f8", "d"),
     "f32": ("<f4", "f"),
@@ -23,14 +23,14 @@ ELEMENTS = {
     "bool": ("|b1", "?"),
     "enum": ("|u1", "B"),
 }
-# A text or bytes with their room: `text[64]`, `bytes[256]`.
+# A text or bytes with their capacity: `text[64]`, `bytes[256]`.
 _CONTENT = re.compile(r"(text|bytes)\[([1-9][0-9]{0,6})\]")
-# What separates names of values where a list of them is a text.
+# The separator between the names of values in a text.
 _SEPARATORS = "|,="
 
 
 def _values(cls):
-    """The values of an enumeration as descriptors have them."""
+    """The values of an enumeration in the form used by descriptors."""
     values = [{"name": member.name, "value": int(member)} for member in cls]
     for one in values:
         if not 0 <= one["value"] <= 255 or any(mark in one["name"] for mark in _SEPARATORS):
@@ -109,7 +109,7 @@ def _written(message, name, field, value):
 
 
 def _content(name, field):
-    """The property of a text or of bytes: a `str` or `bytes`; of several ones a tuple of them."""
+    """The property of a text or bytes field: a `str` or `bytes`; for several elements a tuple of them."""
 
     def get(message):
         value = message.array[name]
@@ -141,7 +141,7 @@ def _member(cls, name, value):
 
 
 def _named(name, view, at, cls):
-    """The property of an enumeration: a member of its class. A name does for writing."""
+    """The property of an enumeration: a member of its class. It can also be set by name."""
     members = {int(member): member for member in cls}
 
     def get(message):
@@ -165,9 +165,9 @@ def _property(name, view, at, field):
 
 
 def _scalar(name, view, at):
-    """The property of a field with one element: a number of Python's, read from and written to the memory."""
+    """The property of a field with one element: a Python number, read from and written to the memory."""
 
-    # Both stand on the way of every step, so what they need is written into them.
+    # Both are on the hot path of every step, so their constants are bound into them.
     made = {}
     exec(f"def get(message):\n    return message.{view}[{at}]\ndef fill(message, value):\n    message.{view}[{at}] = value", made)
     fill = made["fill"]
@@ -182,7 +182,7 @@ def _scalar(name, view, at):
 
 
 def _array(name, view, shape):
-    """The property of a field with several elements: a numpy view that was made once. A value is copied into it."""
+    """The property of a field with several elements: a numpy view that is created once. An assigned value is copied into it."""
 
     def put(message, value):
         if type(value) is not np.ndarray:
@@ -213,8 +213,8 @@ class Message:
             position = esc.Field("m", frame="N", shape=3)
             speed = esc.Field("m/s")
 
-    `Motion()` is a message of zeros, `Motion(speed=2.0)` one with a value. A field of one element reads as a number, one with a shape
-    as a numpy view of the message's memory. Class attributes: `fields`, `dtype` (the payload for numpy), `descriptor`.
+    `Motion()` is a message of zeros, `Motion(speed=2.0)` one with a value. A field of one element reads as a number, a field with a shape
+    as a numpy view of the message's memory. Class attributes: `fields`, `dtype` (the payload as a numpy type), `descriptor`.
     """
 
     fields = {}
@@ -279,7 +279,7 @@ class Message:
 
     @classmethod
     def of(cls, descriptor):
-        """A message class that `descriptor` describes, as `Scenario.check` gives it. Fields whose names are none of Python's are read
+        """The message class for `descriptor`, as returned by `Scenario.check`. Fields whose names are not Python identifiers are read
         with `message["name"]`."""
         made = type(str(descriptor["name"]), (Message,), {"_esc_described": True})
         own = [
@@ -301,7 +301,7 @@ class Message:
             self[key] = value
 
     def _open(self, read_only):
-        """Makes the memory, and each view of it once. Those of an input cannot be written to."""
+        """Allocates the memory, and creates each view of it once. Views of an input are read-only."""
         size = self.dtype.itemsize
         # Casts need whole elements of every type.
         self._memory = np.zeros(-(-size // 8) * 8, np.uint8)
@@ -339,7 +339,7 @@ class Message:
         raise KeyError(key)
 
     def _memory_of(self, key):
-        """The memory of a field, of one element too, as an array."""
+        """The memory of a field as an array, also for a field of one element."""
         return self.array.reshape(1)[key][0:1] if not self.fields[key].shape else self.array[key]
 
     def _set_bytes(self, payload):
@@ -368,7 +368,7 @@ def _again(cls, payload):
 
 
 def element_of(part):
-    """What `Field` takes as the element of a described field: its type, or a class of the values of an enumeration."""
+    """The `Field` element of a described field: its type, or a class with the values of an enumeration."""
     if isinstance(part["element"], dict):
         return "".join(f"{kind}[{room}]" for kind, room in part["element"].items())
     if part["element"] != "enum":

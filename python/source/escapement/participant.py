@@ -1,4 +1,4 @@
-"""Participants: models that own their state and meet the others at their ports."""
+"""Participants: models that own their state and exchange messages through ports."""
 
 import io
 import json
@@ -14,7 +14,7 @@ from .errors import EscapementError, MessageError, ParameterError
 from .message import Message
 
 _MISSING = object()
-# What stands in the traceback of every participant: the package's own files.
+# Files of this package, which are in the traceback of every participant.
 _OWN = __file__.rsplit("/", 1)[0]
 # Whether this process hosts one participant, so that standard error is its log.
 _hosting = False
@@ -40,7 +40,7 @@ def Input(message, *, required=True, name=None):
 
 
 def Output(message, *, name=None):
-    """An output that gives `message`. What a step does not write keeps its last value."""
+    """An output that publishes `message`. A field that a step does not write keeps its last value."""
     port = _Port(message, True, False)
     port.name = name
     return port
@@ -57,14 +57,14 @@ def Parameter(unit=None, *, default=_MISSING, count=None, key=None):
     """A parameter of the scenario, read before `__init__`.
 
     With a unit, a number in that unit: `Parameter("kg")` reads `"500 g"` as 0.5, and `Parameter("m", count=3)` reads
-    `"[0, 1, 2] mm"` as a list. `"1"` is a number without a unit. Without a unit it is the value as the scenario has it: a text, a
-    table, true or false. `key` is its dotted key where that is not the attribute's name.
+    `"[0, 1, 2] mm"` as a list. `"1"` is a number without a unit. Without `unit` it is the value as stated in the scenario: a text, a
+    table, true or false. `key` is its dotted key if that differs from the attribute's name.
     """
     return _Parameter(unit, default, count, key)
 
 
 def _guarded(name, what):
-    """A property that gives what `_bind` has put there. A port cannot be replaced, only written to."""
+    """A property that returns what `_bind` has stored. A port cannot be replaced, only written to."""
 
     def put(self, value):
         raise AttributeError(
@@ -86,8 +86,9 @@ class Participant:
                 self.command.force = -40.0 * self.measured.position
 
     `kind` is `"sampled"` (computes at t from the inputs at t) or `"continuous"` (holds its inputs from t to t + dt, and its outputs are
-    those at t + dt; `initialise` writes the first ones). `self.name`, `self.seed`, `self.period` and `self.offset` say what the scenario
-    has. State is whatever a step leaves in `self`: it is saved and restored with pickle unless `save` and `restore` are given.
+    those at t + dt; `initialise` writes the first ones). `self.name`, `self.seed`, `self.period` and `self.offset` have the values of the
+    scenario. The state consists of the attributes that a step leaves in `self`: pickle saves and restores it unless `save` and `restore`
+    are defined.
     """
 
     kind = "sampled"
@@ -144,7 +145,7 @@ class Participant:
         raise NotImplementedError
 
     def terminate(self):
-        """Called once when its part in the run is over, also when something has failed; `self.termination` says why."""
+        """Called once when the participant ends, also after a failure; `self.termination` has the reason."""
 
     termination = property(
         operator.attrgetter("_esc_termination"),
@@ -153,15 +154,15 @@ class Participant:
     )
 
     def log(self, text):
-        """Writes a line into its log, with the simulated time: in `initialise`, `step` and `terminate`."""
+        """In `initialise`, `step` and `terminate`: writes a line with the simulated time to the participant's log."""
         if self._esc_lines is None:
-            # It is in no run.
+            # The participant is not part of a run.
             print(f"{self.name}: {text}", file=sys.stderr)
         else:
             self._esc_lines.write(str(text))
 
     def uniform(self, stream, index):
-        """A number in [0, 1): the same in every run with this seed, whatever was drawn before."""
+        """A number in [0, 1): the same in every run with this seed, independently of earlier samples."""
         return _native.uniform(self.seed, f"{self.name}.{stream}", index)
 
     def normal(self, stream, index):
@@ -169,8 +170,8 @@ class Participant:
         return _native.normal(self.seed, f"{self.name}.{stream}", index)
 
     def is_seen(self, output):
-        """Whether the sample of `self.OUTPUT` that this call writes is seen: read by an input, kept on the tape, measured, assessed,
-        guarded. An unseen sample need not be computed. A sample that is seen must not depend on which were seen before."""
+        """Whether the sample of `self.OUTPUT` that this call writes is seen: read by an input, recorded on the tape, measured, assessed
+        or guarded. An unseen sample need not be computed. A seen sample must not depend on which earlier samples were seen."""
         return bool(self._esc_seen[self._esc_number(output)] & 1)
 
     def is_ever_seen(self, output):
@@ -185,7 +186,7 @@ class Participant:
             raise AttributeError(f"{output!r} is no output of `{type(self).__name__}`; there are {known}") from None
 
     def save(self):
-        """The whole state as bytes. Unless given: pickle of what `self` has besides ports and parameters."""
+        """The whole state as bytes. By default: a pickle of the attributes of `self` other than ports and parameters."""
         state = {key: value for key, value in self.__dict__.items() if not key.startswith("_esc_")}
         try:
             return pickle.dumps((type(self).__name__, state), protocol=4)
@@ -200,7 +201,7 @@ class Participant:
             raise
 
     def restore(self, state):
-        """Takes over what `save` gave."""
+        """Restores the state that `save` returned."""
         try:
             _, kept = _Unpickler(io.BytesIO(state), type(self)).load()
             kept = dict(kept)
@@ -228,7 +229,7 @@ class Participant:
 
 
 class _Unpickler(pickle.Unpickler):
-    """Finds classes of the participant's own file under whatever name that file was imported: a script, a module, or by its host."""
+    """Finds classes of the participant's file under any name by which it was imported: as a script, as a module, or by its host."""
 
     def __init__(self, state, cls):
         super().__init__(state)
@@ -245,16 +246,16 @@ class _Unpickler(pickle.Unpickler):
         return super().find_class(module, name)
 
 
-# What a participant that nobody runs is told about itself: name, seed, period, offset; and its parameters.
+# The setup of a participant that is not part of a run: name, seed, period, offset; and its parameters.
 _NOBODY = (("", 1, 0.0, 0.0), {})
-# The same for the one that this thread makes.
+# The setup of the participant that this thread is creating.
 _making = threading.local()
 
 
 def _declared(cls):
     """The parameters of `cls` for the host: key, unit, whether required, count."""
     if isinstance(cls, BaseException):
-        # It could not be imported.
+        # The class could not be imported.
         raise cls
     if not (isinstance(cls, type) and issubclass(cls, Participant)):
         raise EscapementError(f"{cls!r} is no participant: give a subclass of escapement.Participant")
@@ -308,7 +309,7 @@ def _short(error):
 
 
 def _log_traceback(error):
-    """Where standard error is the log of this participant, the traceback goes there; else the exception itself is raised later."""
+    """Writes the traceback to standard error if that is the log of this participant; otherwise the exception is raised later."""
     if _hosting:
         traceback.print_exception(type(error), error, error.__traceback__, file=sys.stderr)
         sys.stderr.flush()

@@ -1,4 +1,4 @@
-"""Runs: to their end at once, or from rest to rest."""
+"""Runs: executed to their end at once, or advanced from pause to pause."""
 
 import os
 import signal
@@ -20,7 +20,7 @@ _LINE_EVERY = 0.1
 
 
 class _Progress:
-    """A line on standard error that moves: in a terminal and in a notebook; nothing elsewhere."""
+    """A progress line on standard error, in a terminal or a notebook; elsewhere nothing."""
 
     def __init__(self, wanted):
         out = sys.stderr
@@ -58,7 +58,7 @@ class _Progress:
 
 
 class _Interruptible:
-    """The first Ctrl-C asks the run to end in order, a second one raises at once. Only the main thread gets signals."""
+    """The first Ctrl-C requests an orderly end of the run, a second one raises at once. Only the main thread receives signals."""
 
     def __init__(self, interrupt):
         self._interrupt = interrupt
@@ -135,7 +135,7 @@ def _refuse_without_file(scenario):
 
 
 def _concluded(told):
-    """What a run has left; raises where it did not come to its end."""
+    """The result of a run; raises if the run did not reach its end."""
     folder = RunFolder(told["folder"]) if told["folder"] else None
     if told["status"] == "failed":
         cause = told["cause"]
@@ -155,7 +155,7 @@ def _keep_in_log(folder, name, cause):
 
 
 class Outcome:
-    """What became of a run without a folder: `figures`, `summary`, `verdict`, `digest`."""
+    """The outcome of a run without a folder: `figures`, `summary`, `verdict`, `digest`."""
 
     def __init__(self, summary, logs=()):
         self.summary, self._logs = summary, dict(logs)
@@ -163,7 +163,7 @@ class Outcome:
     verdict, digest, figures, criteria = (vars(RunFolder)[name] for name in ("verdict", "digest", "figures", "criteria"))
 
     def log(self, participant):
-        """What a participant has said by `log`, the newest 64 KiB at least; empty for one that has said nothing."""
+        """The lines that a participant has written with `log`, at least the newest 64 KiB; empty if there are none."""
         return self._logs.get(participant, "")
 
     def __repr__(self):
@@ -186,12 +186,12 @@ def run(
     patience=60.0,
     progress=None,
 ):
-    """Runs a scenario to its end and gives its run folder.
+    """Runs a scenario to its end and returns its run folder.
 
-    `scenario` is a file or a `Scenario`; `set` and `participants` change it as in `Scenario`. With `in_process=True` everybody runs in
-    one loop of this process, with False each in a process of its own; unless given, in this process where that is possible: classes,
-    builtins, libraries and FMUs. The tape is the same to the last bit. `out` names the run folder, `force` replaces a run that is there;
-    `record="digest"` keeps figures and digest alone, without a folder. `pace` is simulated seconds per second. A run that fails raises
+    `scenario` is a file or a `Scenario`; `set` and `participants` change it as in `Scenario`. With `in_process=True` all participants run in
+    one loop of this process, with False each in a separate process; by default in this process where that is possible: classes,
+    builtins, libraries and FMUs. The tape is bit-identical. `out` names the run folder, `force` replaces an existing run;
+    `record="digest"` keeps only figures and digest, without a folder. `pace` is simulated seconds per second. A run that fails raises
     `RunError`; criteria that are not met do not raise: see `verdict`.
     """
     scenario = _scenario(scenario, set, participants, faults)
@@ -204,7 +204,7 @@ def run(
 
 def resume(run, *, at=None, set=None, participants=None, in_process=None, out=None, force=False, checkpoint_every=None,
            checkpoint_at=(), patience=60.0, progress=None):
-    """Goes on from a checkpoint of a run, the newest one or the newest at or before `at`, in a folder of its own."""
+    """Continues from a checkpoint of a run, the newest one or the newest at or before `at`, in a separate folder."""
     folder = os.path.abspath(os.fspath(getattr(run, "folder", run)))
     scenario = Scenario(os.path.join(folder, "plan.toml"), set=set, participants=participants)
     here = _place(scenario, in_process)
@@ -235,7 +235,7 @@ class Sample:
 
 
 class Run:
-    """A run under way, which rests until it is told to go on.
+    """A run that is paused except while a method advances it.
 
         with esc.Run("spring.toml") as run:
             run.run_to("2 s")
@@ -243,7 +243,7 @@ class Run:
             run.newest("left.motion").position
             run.restore(here)
 
-    It takes what `run` takes. Unless given, its tape is kept in memory. Rests, steps and going back change no bit of what is recorded.
+    It takes the arguments of `run`. By default its tape is kept in memory. Pausing, stepping and restoring change no bit of the record.
     """
 
     def __init__(self, scenario, *, set=None, participants=None, faults=(), in_process=None, out=None, force=False, record=None,
@@ -262,12 +262,12 @@ class Run:
     is_over = property(lambda self: self._native.is_over, doc="Whether nothing more happens.")
 
     def run_to(self, time):
-        """Lets everybody on to `time`, a text such as "2.5 s" or a number of seconds, and rests there."""
+        """Advances the run to `time`, a text such as "2.5 s" or a number of seconds, and pauses it there."""
         text = time if isinstance(time, str) else f"{time!r} s"
         self._on(self._native.run_to, text)
 
     def step(self):
-        """To the next communication point."""
+        """Advances the run to the next communication point."""
         self._on(self._native.step)
 
     def _on(self, go, *to):
@@ -287,8 +287,8 @@ class Run:
         return Sample(index, t, message)
 
     def run_before(self, participant):
-        """Lets the run on until `participant` is about to step: it has the inputs of its next activation (`shown`), and its outputs can be given
-        in its place (`answer`). False when it has no activation any more: then the run has come to its end."""
+        """Advances the run until `participant` is about to step: the inputs of its next activation are available (`shown`), and its outputs can
+        be supplied instead of its step (`answer`). False when it has no further activation: the run has then reached its end."""
         with _Interruptible(self._interrupt):
             try:
                 return self._native.run_before(participant)
@@ -298,14 +298,14 @@ class Run:
                 raise
 
     def shown(self, port):
-        """What `PARTICIPANT.INPUT` shows to the activation before which the participant is held."""
+        """The sample that `PARTICIPANT.INPUT` has in the activation before which the participant is held."""
         index, t, payload = self._native.shown(port)
         message = self._message_of(port)()
         message._set_bytes(payload)
         return Sample(index, t, message)
 
     def answer(self, port, message=None, **fields):
-        """Gives `PARTICIPANT.OUTPUT` of that activation: a message, or its fields by name. The participant is not stepped then."""
+        """Supplies `PARTICIPANT.OUTPUT` for that activation: a message, or its fields by name. The participant is then not stepped."""
         if message is None:
             message = self._message_of(port)(**fields)
         elif not isinstance(message, Message) or fields:
@@ -321,7 +321,7 @@ class Run:
         return self._messages[port]
 
     def set(self, port, message=None, **fields):
-        """Sets `PARTICIPANT.INPUT`, which nobody feeds: a message, or its fields by name. Fields that are not named are zero."""
+        """Sets the unconnected input `PARTICIPANT.INPUT`: a message, or its fields by name. Fields that are not named are zero."""
         if message is not None:
             if not isinstance(message, Message) or fields:
                 raise MessageError(f"`{port}`: give a message, or fields by name")
@@ -331,19 +331,19 @@ class Run:
         self._native.set_fields(port, values)
 
     def log(self, participant):
-        """What a participant has said by its log so far, the newest 64 KiB at least."""
+        """The log of a participant so far, at least the newest 64 KiB of it."""
         return self._native.log(participant)
 
     def save(self):
-        """The state of everybody, in memory."""
+        """Saves the state of all participants, in memory."""
         return self._native.save()
 
     def restore(self, saved):
-        """Goes back to what `save` gave."""
+        """Restores a state that `save` returned."""
         self._native.restore(saved)
 
     def end(self):
-        """Ends it. Gives the run folder, or the outcome where there is none."""
+        """Ends the run. Returns the run folder, or the outcome if there is no folder."""
         told = self._native.end()
         folder = _concluded(told)
         return folder if folder is not None else Outcome(told["summary"], told["logs"])

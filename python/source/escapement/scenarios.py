@@ -1,4 +1,4 @@
-"""Scenarios: what is to run."""
+"""Scenarios: the description of a run."""
 
 import inspect
 import os
@@ -11,11 +11,11 @@ from .participant import Participant
 
 
 def _toml(value):
-    """A value as `--set` takes it."""
+    """A value in the syntax of `--set`."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        # Text that reads as TOML would be taken for that: quoted, it stays a text.
+        # Text that is also valid TOML would be parsed as such: quoted, it remains a text.
         return '"' + "".join(_escape(letter) for letter in value) + '"'
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{_key(key)} = {_toml(inner)}" for key, inner in value.items()) + " }"
@@ -44,7 +44,7 @@ def _key(key):
 
 
 def _class_name(cls):
-    """How a host finds `cls`: FILE.py:CLASS, or MODULE:CLASS for what is installed."""
+    """The name by which a host finds `cls`: FILE.py:CLASS, or MODULE:CLASS for an installed module."""
     if cls.__module__ != "__main__" and not cls.__module__.startswith("_escapement_"):
         spec = getattr(sys.modules.get(cls.__module__), "__spec__", None)
         if spec is not None and spec.has_location:
@@ -59,7 +59,7 @@ def _class_name(cls):
 
 
 def _host(name):
-    """What runs the class `name`, FILE.py:CLASS, in a process of its own."""
+    """The `run` table that runs the class `name`, FILE.py:CLASS, in a separate process."""
     return {"exe": sys.executable, "args": ["-m", "escapement.host", name]}
 
 
@@ -68,7 +68,7 @@ def _listed(faults):
 
 
 def _fault(fault, hosted):
-    """A fault as `--fault` takes it."""
+    """A fault in the syntax of `--fault`."""
     if isinstance(fault, str):
         return fault
     if not isinstance(fault, Mapping):
@@ -83,9 +83,9 @@ class Scenario:
     """A scenario file with changes.
 
     `set` maps dotted keys to values, as `--set` of the command line: `{"connections.measured.delay": "10 ms"}`. `participants` maps names
-    of participants to what takes their place: a subclass of `Participant`, or `"FILE.py:CLASS"`. `faults` is what goes wrong besides: each a
+    of participants to their replacements: a subclass of `Participant`, or `"FILE.py:CLASS"`. `faults` lists additional faults: each a
     dict of the keys of an entry of `[[faults]]`, whose `run` may be a subclass of `Participant`, or a text as `--fault` takes it. With `text`
-    the file need not be there; its name tells where relative paths lead. Everything is read and understood at once: a mistake raises
+    the file need not exist; relative paths are resolved against its name. Everything is read and checked at once: a mistake raises
     `ScenarioError`.
     """
 
@@ -122,13 +122,13 @@ class Scenario:
             sets.append(f"participants.{name}.run={_toml(run)}")
         sets.extend(f"{key}={_toml(value)}" for key, value in self._sets.items())
         faults = [_fault(fault, hosted) for fault in self._faults]
-        # What a program of its own is told by `--set` and `--fault`.
+        # The arguments of `--set` and `--fault` for a separate program.
         self._options = [("--set", one) for one in sets] + [("--fault", one) for one in faults]
         self._classes = classes
         self._native = _native.Scenario(self.file, self._text, sets, faults, classes)
 
     def set(self, key, value):
-        """Changes a key; gives the scenario, so that calls can be chained. A mistake changes nothing."""
+        """Changes a key; returns the scenario, so that calls can be chained. After an error nothing is changed."""
         before = dict(self._sets)
         self._sets[key] = value
         try:
@@ -139,7 +139,7 @@ class Scenario:
         return self
 
     def _fresh(self):
-        """The same again, for another run: what participants have raised belongs to one run."""
+        """A copy for another run: the exceptions raised by participants belong to one run."""
         self._read()
         return self
 
@@ -162,7 +162,7 @@ class Scenario:
         return self._native.table()
 
     def check(self):
-        """Everything but the run: the participants with their ports, and the links. Programs are asked for their ports."""
+        """Checks the scenario without a run: returns the participants with their ports, and the links. Programs are queried for their ports."""
         here = self._native.runs_here()
         if not here and self._native.needs_program():
             from . import _program

@@ -11,7 +11,7 @@ from .scenarios import _toml
 
 
 def _values(key, values):
-    """The values of an axis as `--vary` takes them."""
+    """The values of an axis in the syntax of `--vary`."""
     if isinstance(values, str):
         return f"{key}={values}"
     if isinstance(values, range):
@@ -20,12 +20,13 @@ def _values(key, values):
 
 
 def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, faults=(), out=None, workers=None, keep=False, digest=False, progress=None):
-    """Runs a scenario over a grid of values, on all cores, and gives a DataFrame: a row a point, with what was varied, the outcome and
+    """Runs a scenario over a grid of values, on all cores, and returns a DataFrame: one row per point, with the varied values, the outcome and
     every figure.
 
     `vary` maps dotted keys to values: a list (`["5 ms", "10 ms"]`, `[1, 2]`), a range as the command line writes it
-    (`"0ms..100ms:10ms"`); all combinations are run, the first key slowest. `seeds` runs so many seeds. A participant in Python is a
-    process of each point's own. With `digest` the column `tape` has the digest of each point's tape. The folder with the table is in `attrs["folder"]`; the same call goes on where an interrupted one was.
+    (`"0ms..100ms:10ms"`); all combinations are run, the first key slowest. `seeds` is the number of seeds to run. A participant in Python is a
+    separate process for each point. With `digest` the column `tape` has the digest of each point's tape. The folder with the table is in
+    `attrs["folder"]`; the same call continues an interrupted one.
     """
     import pandas
 
@@ -45,7 +46,7 @@ def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, fault
     command += ["--digest"] if digest else []
     said = _said(command, progress)
     folder = said["folder"]
-    # Before version 3 pandas reads other bits than were written unless it is told.
+    # Before version 3, pandas does not read doubles bit-exactly by default.
     exact = {"float_precision": "round_trip"} if int(pandas.__version__.split(".")[0]) < 3 else {}
     table = pandas.read_csv(os.path.join(folder, "table.csv"), **exact)
     table.attrs = {"folder": os.path.abspath(folder), "files": said["files"]}
@@ -53,7 +54,7 @@ def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, fault
 
 
 def _said(command, progress):
-    """Runs the program and reads what it says; its progress line is its own in a terminal."""
+    """Runs the program and reads its output; in a terminal the program shows its progress line itself."""
     shown = _Progress(progress)._shown
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=None if shown else subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
@@ -61,7 +62,7 @@ def _said(command, progress):
     try:
         out, errors = process.communicate()
     except KeyboardInterrupt:
-        # The terminal has told the program as well: it keeps what is complete.
+        # The terminal has sent the signal to the program as well, which keeps all complete results.
         process.communicate()
         raise
     if process.returncode == 2:

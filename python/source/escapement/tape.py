@@ -1,4 +1,4 @@
-"""What a run has left: its folder, its figures, and its tape as numpy arrays that lie in the files."""
+"""The results of a run: its folder, its figures, and its tape as numpy arrays mapped from the files."""
 
 import json
 import os
@@ -14,14 +14,14 @@ class Stream:
     """The samples of one output, `run["plant.motion"]`.
 
     `t` has the stamps, s. A field is a view of the file, which is mapped into memory: nothing is read before it is used, and nothing is
-    copied. Fields are attributes or items: `stream.position`, `stream["position"]`. `array` is the whole as a structured array with the
-    fields `t` and `payload`. Arrays are read only.
+    copied. Fields are attributes or items: `stream.position`, `stream["position"]`. `array` is the whole stream as a structured array with the
+    fields `t` and `payload`. Arrays are read-only.
     """
 
     def __init__(self, folder, entry):
         self.name = f"{entry['participant']}.{entry['port']}"
         self.descriptor = entry["descriptor"]
-        # A file elsewhere is none of this tape.
+        # A file outside the folder is not part of this tape.
         if entry["file"] != f"{self.name}.bin" or os.sep in self.name:
             raise TapeError(f"{folder}/index.json: the file {entry['file']!r} is none of `{self.name}`")
         self._path = os.path.join(folder, entry["file"])
@@ -31,7 +31,7 @@ class Stream:
             raise TapeError(f"{self._path}: a record has {entry['record_bytes']} bytes, and its fields have {self.dtype.itemsize}")
         try:
             count = os.path.getsize(self._path) // self.dtype.itemsize
-            # A file cannot be mapped when it is empty; a last record that is torn is left out.
+            # An empty file cannot be mapped; an incomplete last record is left out.
             self.array = (
                 np.memmap(self._path, self.dtype, "r", shape=(count,)).view(np.ndarray) if count else np.zeros(0, self.dtype)
             )
@@ -50,7 +50,7 @@ class Stream:
         return self._part(field)["unit"]
 
     def frame(self, field):
-        """The frame of a field; empty where that means nothing."""
+        """The frame of a field; empty if not applicable."""
         return self._part(field)["frame"]
 
     def values(self, field):
@@ -109,7 +109,7 @@ class Stream:
         return f"Stream({self.name!r}: {len(self)} samples of {parts})"
 
     def to_pandas(self):
-        """A DataFrame, one column an element (`p_NB_N[0]`), with the stamps as index. Units and frames are in `attrs`."""
+        """A DataFrame, one column per element (`p_NB_N[0]`), with the stamps as index. Units and frames are in `attrs`."""
         import pandas
 
         columns, units, frames = {}, {}, {}
@@ -132,7 +132,7 @@ class Stream:
         return frame
 
     def to_xarray(self):
-        """A Dataset over `t`, a variable a field, with `units` and `frame` in the attributes. A field `t` becomes `t_2`."""
+        """A Dataset over `t`, one variable per field, with `units` and `frame` in the attributes. A field `t` becomes `t_2`."""
         import xarray
 
         variables = {}
@@ -140,9 +140,9 @@ class Stream:
             inner = [f"{name}_{axis}" for axis in range(len(part["shape"]))]
             about = {"units": part["unit"]} | ({"frame": part["frame"]} if part["frame"] else {})
             if values := self.values(name):
-                # As the conventions for climate and forecast data have it.
+                # As in the conventions for climate and forecast (CF) data.
                 about |= {"flag_values": np.array(list(values), np.uint8), "flag_meanings": " ".join(n.replace(" ", "_") for n in values.values())}
-            # The stamps have this name.
+            # This name is that of the stamps.
             values = self.contents(name) if isinstance(part["element"], dict) else self[name]
             variables["t_2" if name == "t" else name] = (["t", *inner], values, about)
         stamps = ("t", self.t, {"units": "s"})
@@ -150,7 +150,7 @@ class Stream:
 
 
 class Page:
-    """A report: an HTML page without any dependency. A notebook shows it."""
+    """A report: a self-contained HTML page. A notebook displays it."""
 
     def __init__(self, path, html):
         self.path, self.html = path, html
@@ -165,9 +165,9 @@ class Page:
 
 
 class RunFolder:
-    """A run folder: `run["plant.motion"]` is a stream, `run.figures` what the run is judged by.
+    """A run folder: `run["plant.motion"]` is a stream, `run.figures` are the figures of merit.
 
-    It is read when it is asked for, also while the run goes on or when it has failed.
+    The folder is read on access, also while the run is in progress or after it has failed.
     """
 
     def __init__(self, folder):
@@ -212,12 +212,12 @@ class RunFolder:
 
     @property
     def summary(self):
-        """`summary.json` as it was written; empty for a run that did not come to its end."""
+        """The content of `summary.json`; empty for a run that did not reach its end."""
         return self._json("summary.json") or {}
 
     @property
     def verdict(self):
-        """`"met"`, `"not-met"` or `"complete"` (no criteria); None where the run did not come to its end."""
+        """`"met"`, `"not-met"` or `"complete"` (no criteria); None if the run did not reach its end."""
         summary = self.summary
         # A scenario without figures has no verdict in its summary.
         complete = summary.get("ending", {}).get("status") == "complete"
@@ -225,12 +225,12 @@ class RunFolder:
 
     @property
     def digest(self):
-        """The digest of the tape: two tapes are the same exactly when theirs are."""
+        """The digest of the tape: two tapes are identical exactly if their digests are."""
         return self.summary.get("tape_digest")
 
     @property
     def figures(self):
-        """The figures of merit: those that the scenario declares with their values, and those of its assessment by name."""
+        """The figures of merit with their values: those declared by the scenario, and those of its assessment by name."""
         kept = ("verdict", "ending", "simulated_time_s", "wall_time_s", "real_time_factor", "tape_digest", "run_folder")
         kept += ("recovered", "placement", "timing", "measures", "criteria", "shadows")
         summary = self.summary
@@ -240,12 +240,12 @@ class RunFolder:
 
     @property
     def criteria(self):
-        """The criteria and what became of them."""
+        """The criteria and their results."""
         return self.summary.get("criteria", [])
 
     @property
     def events(self):
-        """What happened besides the samples: faults, substitutions, restarts, failures."""
+        """The events of the run: faults, substitutions, restarts, failures."""
         try:
             with open(os.path.join(self._tape, "events.jsonl"), encoding="utf-8") as file:
                 return [json.loads(line) for line in file if line.endswith("\n")]
@@ -253,7 +253,7 @@ class RunFolder:
             return []
 
     def log(self, participant):
-        """What a participant wrote; empty for one that wrote nothing."""
+        """The log of a participant; empty if it wrote nothing."""
         try:
             with open(os.path.join(self.folder, "log", f"{participant}.stderr"), encoding="utf-8", errors="replace") as file:
                 return file.read()
@@ -265,13 +265,13 @@ class RunFolder:
         return self[name].to_pandas()
 
     def to_xarray(self, name=None):
-        """The stream `name` as a Dataset; without a name all streams, as a dict of Datasets, because each has its own stamps."""
+        """The stream `name` as a Dataset; without a name, all streams as a dict of Datasets, because each has its own stamps."""
         if name is not None:
             return self[name].to_xarray()
         return {one: self[one].to_xarray() for one in self}
 
     def report(self, *others, out=None):
-        """The report page of this run, with `others` laid over it. Writes it as `report.html` into the folder, or as `out`."""
+        """The report page of this run, overlaid with `others`. It is written to `report.html` in the folder, or to `out`."""
         folders = [self.folder, *(os.fspath(getattr(other, "folder", other)) for other in others)]
         html = _native.report_html(folders, [])
         path = os.fspath(out) if out is not None else os.path.join(self.folder, "report.html")

@@ -1,4 +1,4 @@
-//! A campaign whose workers and orchestrator get signals: the same command completes it, with the table of an undisturbed one.
+//! A campaign whose workers and orchestrator receive signals: repeating the command completes it, with the table of an undisturbed one.
 
 use std::path::Path;
 use std::time::Duration;
@@ -34,7 +34,7 @@ fn play(dice: &mut Dice, case: &Case, folder: &Folder, token: &str, told: &mut S
     let command = |name: &str| {
         let out = folder.path().join(name);
         let mut arguments = vec!["sweep".to_owned()];
-        // The duration varies, so it is not given for all points.
+        // The duration varies, so it does not apply to all points.
         arguments.extend(case.arguments(folder.path()).into_iter().take(1));
         let vary = format!(
             "duration={}",

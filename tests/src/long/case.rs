@@ -6,12 +6,12 @@ use std::path::Path;
 use super::Dice;
 use crate::program::{participant, root, spring};
 
-/// What sits in a seat, as far as the tests must know it.
+/// The kind of participant in a slot, as far as the tests depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
     /// Has a state, and saves it.
     Stateful,
-    /// Can be replaced in mid-run by `memoryless` without any difference on the tape.
+    /// Can be replaced during the run by `memoryless` without any difference on the tape.
     Damper,
     /// Cannot be saved.
     Unsaved,
@@ -44,10 +44,10 @@ enum Source {
 }
 
 impl Case {
-    /// The case `number` of `seed`: whole, or the short one of a start.
+    /// The case `number` of `seed`: the full one, or the short one for a start.
     pub(super) fn draw(seed: u64, number: u64, short: bool) -> Case {
         let mut dice = Dice::new(seed, &format!("case {number}"));
-        // Every kind comes up in any six cases in a row.
+        // Every kind occurs in any six consecutive cases.
         match number % 6 {
             0 | 3 => pairs(&mut dice, 1, short),
             1 => {
@@ -60,7 +60,7 @@ impl Case {
         }
     }
 
-    /// Writes what must be written into `folder`; what the command line names the scenario with.
+    /// Writes the necessary files into `folder`; returns the scenario argument of the command line.
     pub(super) fn arguments(&self, folder: &Path) -> Vec<String> {
         let scenario = match &self.source {
             Source::Text(text) => {
@@ -80,7 +80,7 @@ impl Case {
     }
 }
 
-/// A scenario while it is written.
+/// A scenario under construction.
 struct Draft {
     text: String,
     seats: Vec<Seat>,
@@ -123,7 +123,7 @@ impl Draft {
         self.seat(name, Role::Damper, &participant("damper"), period, "");
     }
 
-    /// A connection with delay, jitter, drops and start value as drawn.
+    /// A connection with random delay, jitter, drops and start value.
     fn link(&mut self, dice: &mut Dice, name: &str, from: &str, to: &str) {
         self.add(format_args!("\n[connections.{name}]\nfrom = \"{from}\"\nto = \"{to}\""));
         let delay = dice.pick(&["0 ms", "0 ms", "3 ms", "1/300 s", "20 ms"]);
@@ -216,7 +216,7 @@ fn pairs(dice: &mut Dice, count: u64, short: bool) -> Case {
     draft.done()
 }
 
-/// One oscillator that several dampers read, of which one pushes it; the output of the others is for the tape alone.
+/// One oscillator that several dampers read and one of them pushes; the output of the others is only recorded.
 fn fan(dice: &mut Dice, short: bool) -> Case {
     let mut draft = Draft::new(dice, short);
     draft.oscillator("plant");
@@ -230,7 +230,7 @@ fn fan(dice: &mut Dice, short: bool) -> Case {
         draft.damper(dice, &name);
         readers.push(format!("{name}.motion"));
     }
-    // A list of readers in one connection, which gives each of them a link.
+    // A list of readers in one connection, which creates one link for each.
     draft.add(format_args!(
         "\n[connections.motion]\nfrom = \"plant.motion\"\nto = {readers:?}\njitter = \"2 ms\"\ninitial = \"first-sample\""
     ));

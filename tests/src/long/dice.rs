@@ -1,8 +1,8 @@
-//! The random draws of one round.
+//! The random samples of one round.
 
 use lockstep::random::Stream;
 
-/// Draws that depend on a seed and a name alone.
+/// Random samples determined only by a seed and a name.
 pub(super) struct Dice {
     stream: Stream,
     index: u64,

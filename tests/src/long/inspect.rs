@@ -1,4 +1,4 @@
-//! What must hold after a run: its tape, its account of how it ended, and what it has left on the machine.
+//! Invariants after a run: its tape, its report of how it ended, and what it has left on the machine.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ pub(super) struct Reference {
     digest: String,
 }
 
-/// How much of the undisturbed tape a run has.
+/// The part of the undisturbed tape that a run has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
     Nothing,
@@ -57,14 +57,14 @@ impl Reference {
         })
     }
 
-    /// The stream with the most samples, for a look at how far a run is, and the size of the whole of it.
+    /// The stream with the most samples, which shows the progress of a run, and its full size.
     pub(super) fn longest(&self) -> (&str, u64) {
         let samples = |(_, bytes, record): &&(String, Vec<u8>, usize)| bytes.len() / record;
         let longest = self.streams.iter().max_by_key(samples);
         longest.map_or(("", 0), |(file, bytes, _)| (file, bytes.len() as u64))
     }
 
-    /// The size of that stream up to a checkpoint at `t` seconds; a little more, because one may lie between two samples.
+    /// The size of that stream up to a checkpoint at `t` seconds; slightly more, because a checkpoint may lie between two samples.
     pub(super) fn up_to(&self, t: f64) -> u64 {
         let (longest, _) = self.longest();
         let stream = self.streams.iter().find(|(file, _, _)| file == longest);
@@ -125,7 +125,7 @@ impl Reference {
         Ok(part)
     }
 
-    /// The account in the run folder agrees with itself, with the tape and with the exit code; the participant that it blames.
+    /// Checks that the report in the run folder agrees with itself, the tape and the exit code; returns the participant that it blames.
     pub(super) fn account(&self, run: &Path, code: i32, complete: i32, part: Part) -> Check<Option<String>> {
         let summary = json(&run.join("summary.json"))?;
         let ending = &summary["ending"];
@@ -161,10 +161,10 @@ impl Reference {
     }
 }
 
-/// Whether this process has a `/dev/shm` of its own, in which there is nothing but what its runs put there.
+/// Whether this process has a private `/dev/shm` that contains only objects of its own runs.
 const PRIVATE: &str = "ESCAPEMENT_LONG_PRIVATE";
 
-/// Says that `/dev/shm` is private.
+/// Declares `/dev/shm` private.
 pub(super) fn private_memory(command: &mut std::process::Command) {
     command.env(PRIVATE, "1");
 }
@@ -177,7 +177,7 @@ fn left_in_memory() -> Vec<String> {
     entries.map(|entry| entry.path().display().to_string()).collect()
 }
 
-/// Nothing in shared memory and nothing in `scratch`. After a sudden end of the orchestrator `doctor --remove` takes away what is there.
+/// Nothing is left in shared memory or `scratch`. After a sudden end of the orchestrator, `doctor --remove` removes what is there.
 pub(super) fn nothing_left(scratch: &Path, sudden: bool) -> Check<()> {
     let left = || {
         let entries = fs::read_dir(scratch).into_iter().flatten().flatten();
@@ -187,7 +187,7 @@ pub(super) fn nothing_left(scratch: &Path, sudden: bool) -> Check<()> {
     let started = Instant::now();
     loop {
         let found = left();
-        // Beside other runs of this user a look may find one of them in its last moment.
+        // With other runs of this user on the machine, one of them may be seen just as it ends.
         let patient = sudden || std::env::var_os(PRIVATE).is_none();
         // A folder without a lock counts as dead when it is ten seconds old.
         if found.is_empty() || !patient || started.elapsed() > Duration::from_secs(30) {

@@ -1,7 +1,7 @@
 //! Long tests: random signals, undisturbed starts and suspensions, as many rounds as time allows.
 //!
-//! A round is a function of a seed and its number, as far as the machine's scheduling lets it be, so that one that fails can be
-//! run again alone. The program `long` runs them; the ordinary tests run a short share.
+//! A round is a function of a seed and its number, as far as the machine's scheduling allows, so that a failed round can be repeated
+//! alone. The program `long` runs the rounds; the ordinary tests run a few of them.
 
 mod campaign;
 mod case;
@@ -15,15 +15,15 @@ pub mod work;
 use case::Case;
 use dice::Dice;
 
-/// What a round reports that found nothing wrong, or the reason why it did.
+/// The counts of a round that found no fault, or the reason why it failed.
 pub type Check<T> = Result<T, String>;
 
-/// What is done again and again.
+/// The kinds of rounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Runs and campaigns whose processes get random signals at random instants, and are resumed.
     Killer,
-    /// Short runs that nothing disturbs.
+    /// Short undisturbed runs.
     Starts,
     /// Runs whose processes are stopped and continued, for less and for more than `--patience`.
     Suspensions,
@@ -40,7 +40,7 @@ impl Kind {
     }
 }
 
-/// What was done, besides looking.
+/// The work done, apart from checking.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Tally {
     /// Runs and campaigns that were started.

@@ -1,4 +1,4 @@
-//! One run with signals, and what follows it.
+//! One run with signals, and the steps that follow it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,12 +13,12 @@ use crate::program::{Folder, participant};
 
 use super::case::Role;
 
-/// How many scenarios a seed has.
+/// The number of scenarios of a seed.
 const CASES: u64 = 48;
-/// What the kernel and `doctor` get for what a killed orchestrator leaves behind.
+/// The time that the kernel and `doctor` get for what a killed orchestrator leaves behind.
 const AFTERMATH: Duration = Duration::from_secs(30);
 
-/// Undisturbed runs, made when they are needed first.
+/// Undisturbed runs, created on first use.
 #[derive(Default)]
 pub(super) struct References {
     known: BTreeMap<u64, (Arc<Case>, Arc<Reference>)>,
@@ -55,7 +55,7 @@ impl References {
     }
 }
 
-/// What follows the failure of a participant.
+/// The reaction to the failure of a participant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Policy {
     Stop,
@@ -63,7 +63,7 @@ enum Policy {
     Substitute,
 }
 
-/// What a round will do.
+/// The actions of a round.
 #[derive(Debug)]
 struct Script {
     wall_ms: u64,
@@ -72,7 +72,7 @@ struct Script {
     wait: &'static str,
     live: bool,
     strikes: Vec<Strike>,
-    /// Strikes at the run that resumes.
+    /// The signals to the resumed run.
     again: Vec<Strike>,
     resumes_a_complete_run: bool,
 }
@@ -128,7 +128,7 @@ impl Script {
         more
     }
 
-    /// The whole scenario with its signals, for the report of a failure.
+    /// The whole scenario with its signals, for a failure report.
     fn told(&self) -> String {
         let mut text = format!(
             "wall {} ms, checkpoints {:?} ms, wait {}, live {}, policies {:?}",
@@ -204,7 +204,7 @@ impl Round {
         }
         let newest_ms = saved as u64 * self.script.checkpoint_every_ms.unwrap_or_default();
         let before = self.reference.up_to(newest_ms as f64 / 1000.0);
-        // A checkpoint is good whatever became of the run, and of other runs that went on from it.
+        // A checkpoint remains valid whatever happened to its run, and to other runs that continued from it.
         let resume = |from: &Path| vec!["resume".to_owned(), from.display().to_string()];
         if !self.script.again.is_empty() {
             let again = self.folder.path().join("again");
@@ -217,7 +217,8 @@ impl Round {
         demand(whole, || "the resumed run is not complete".into())
     }
 
-    /// One run with its signals, which has `before` bytes of its longest stream from the run that it resumes; whether it is complete.
+    /// One run with its signals, which has `before` bytes of its longest stream from the run that it resumes; returns whether it is
+    /// complete.
     fn one(&self, arguments: &[String], out: &Path, before: u64, strikes: &[Strike], tally: &mut Tally) -> Check<bool> {
         let mut arguments = arguments.to_vec();
         arguments.extend(["--out".into(), out.display().to_string()]);
@@ -240,10 +241,10 @@ impl Round {
         for strike in strikes {
             let steer = |wish: &str, running: &Running| {
                 let page = self.script.live.then(|| Page::of(&running.err())).flatten();
-                // The run may be over, or not have begun: then there is nothing to steer.
+                // The run may be over, or may not have started: then it cannot be steered.
                 page.map(|page| page.try_wish(wish));
             };
-            // Paused, unless the strike waits for the tape to grow.
+            // The run stays paused, unless the signal waits for the tape to grow.
             if !matches!(strike.moment, Moment::Tape { .. }) {
                 steer(r#"{"do": "pause"}"#, &running);
                 steer(r#"{"do": "step", "time": "10 ms"}"#, &running);
@@ -258,7 +259,7 @@ impl Round {
             .map_err(|reason| format!("{reason}; {}", told()))
     }
 
-    /// What must hold after a run that ended like this.
+    /// Checks the invariants after a run that ended in this way.
     fn judge(&self, ended: &Ended, hits: &[Hit], out: &Path) -> Check<bool> {
         let ends: Vec<i32> = hits
             .iter()
@@ -300,7 +301,7 @@ impl Round {
         Ok(false)
     }
 
-    /// A run ended with exit code 1: the participant that the message names, which must be one that was hit.
+    /// For a run that ended with exit code 1: the participant named in the message, which must be one that received a signal.
     fn blamed(&self, ended: &Ended, hits: &[Hit], ends: &[i32]) -> Check<Option<String>> {
         if ended.err.contains("interrupted ") && !ends.is_empty() {
             return Ok(None);
@@ -328,7 +329,7 @@ impl Round {
                 format!("the message does not give {signals:?}")
             })?;
         }
-        // Every participant is restarted or replaced once, when the run has begun.
+        // Every participant is restarted or replaced once, after the run has started.
         let policy = seat.map_or(Policy::Stop, |seat| self.script.policies[seat]);
         let harmful = hits.iter().filter(|hit| hit.harms_a_participant());
         let early = harmful.clone().any(|hit| !hit.began);

@@ -1,4 +1,4 @@
-//! A short run that nothing disturbs: it must succeed, whatever else the machine does.
+//! A short undisturbed run: it must succeed under any load of the machine.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use super::strike::{Running, none_left};
 use super::{Check, Dice, Tally, demand, equal};
 use crate::program::Folder;
 
-/// How many scenarios a seed has.
+/// The number of scenarios of a seed.
 const CASES: u64 = 18;
 
 /// Start `number` of `seed`.
@@ -30,7 +30,7 @@ pub(super) fn run(seed: u64, number: u64, references: &mut References, tally: &m
         none_left(&token, Duration::ZERO)?;
         nothing_left(&folder.path().join("scratch"), false)?;
         equal("the exit code", &ended.code, &Some(case.code))?;
-        // A notice that nothing has moved for a while is only right on a machine that is as busy as that.
+        // A notice that there was no progress for a while is justified only on a heavily loaded machine.
         let wrong = |line: &str| line.starts_with("error") || line.starts_with("warning") || line.contains("panicked");
         demand(!ended.err.lines().any(wrong), || "it reports an error".into())?;
         equal("the tape", &reference.part(&out, false)?, &Part::Whole)?;

@@ -1,4 +1,4 @@
-//! Signals to the processes of one run, each at an instant that its tape or the clock gives.
+//! Signals to the processes of one run, each at an instant determined by its tape or by the clock.
 
 use std::fs::{self, File};
 use std::os::fd::OwnedFd;
@@ -11,15 +11,15 @@ use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, pidfd_open, pidfd_se
 use super::{Check, Dice};
 use crate::program::{orchestrator, root};
 
-/// A run, resumed run or campaign may take this long, stops of its processes included.
+/// The time limit of a run, resumed run or campaign, including the time in which its processes are stopped.
 const LIMIT: Duration = Duration::from_secs(240);
-/// The environment variable by which the processes of a run are found, however they are called.
+/// The environment variable that identifies the processes of a run, whatever their names.
 const TOKEN: &str = "ESCAPEMENT_LONG";
 
-/// What gets a signal.
+/// The target of a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Target {
-    /// The participant of this seat, or a worker of a campaign.
+    /// The participant in this slot, or a worker of a campaign.
     One(usize),
     Orchestrator,
     /// All processes; the orchestrator first or last.
@@ -28,7 +28,7 @@ pub(super) enum Target {
     },
 }
 
-/// What happens to the target.
+/// The signal to the target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Action {
     Signal(Signal),
@@ -36,16 +36,16 @@ pub(super) enum Action {
     Pause {
         ms: u64,
     },
-    /// Stopped for good.
+    /// Stopped and not continued.
     Stop,
 }
 
-/// When it happens. A moment whose condition never comes has come when the run has ended.
+/// The moment of the signal. If its condition never becomes true, the moment is the end of the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Moment {
-    /// So long after the strike before, or after the start.
+    /// This long after the previous strike, or after the start.
     After { us: u64 },
-    /// So long after this part of the tape has been written.
+    /// This long after this part of the tape has been written.
     Tape { per_mille: u64, us: u64 },
 }
 
@@ -57,30 +57,30 @@ pub(super) struct Strike {
     pub(super) action: Action,
 }
 
-/// What became of a strike.
+/// The outcome of a strike.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hit {
     pub(super) target: Target,
     pub(super) action: Action,
-    /// Which seats or workers were reached.
+    /// The slots or workers that were reached.
     pub(super) seat: Option<usize>,
-    /// The orchestrator had opened the run folder, which it does after it has begun to handle signals.
+    /// Whether the orchestrator had opened the run folder, which it does after it has begun to handle signals.
     pub(super) opened: bool,
-    /// Samples of the run itself were on the disk, so every participant had been connected.
+    /// Whether samples of the run were on the disk, so that every participant had been connected.
     pub(super) began: bool,
 }
 
-/// A stream of the tape that shows how far a run is.
+/// A stream of the tape that shows the progress of a run.
 #[derive(Debug, Clone)]
 pub(super) struct Progress {
     pub(super) stream: PathBuf,
-    /// The size of the whole of it.
+    /// Its full size.
     pub(super) whole: u64,
-    /// What a run has before it begins: nothing, or what it goes on from.
+    /// Its size before the run begins: zero, or the size in the run that is continued.
     pub(super) before: u64,
 }
 
-/// What an orchestrator's processes are called.
+/// The names of an orchestrator's processes.
 pub(super) enum Parts {
     /// The names of the participants.
     Seats(Vec<String>),
@@ -88,7 +88,7 @@ pub(super) enum Parts {
     Workers,
 }
 
-/// A process, held so that no other can take its number.
+/// A process, held open so that its process id cannot be reused.
 struct Process {
     handle: OwnedFd,
     seat: Option<usize>,
@@ -100,7 +100,7 @@ impl Process {
     }
 }
 
-/// An orchestrator that is running, with everything that it has started.
+/// A running orchestrator, with all the processes that it has started.
 pub(super) struct Running {
     child: Child,
     token: String,
@@ -120,7 +120,7 @@ pub(super) struct Ended {
 }
 
 impl Running {
-    /// Starts the orchestrator with `arguments`; `folder` gets what it writes, and is where it may put files for a while.
+    /// Starts the orchestrator with `arguments`; `folder` is for its output and its temporary files.
     pub(super) fn start(arguments: &[String], folder: &Path, token: &str) -> Running {
         let said = ["stdout", "stderr"].map(|name| folder.join(name));
         let [out, err] = [0, 1].map(|at| File::create(&said[at]).expect("the folder can be written"));
@@ -144,7 +144,7 @@ impl Running {
         }
     }
 
-    /// What it has written to standard error so far.
+    /// Its standard error so far.
     pub(super) fn err(&self) -> String {
         fs::read_to_string(&self.said[1]).unwrap_or_default()
     }
@@ -173,7 +173,7 @@ impl Running {
         })
     }
 
-    /// Its participants, or the workers of a campaign, with their numbers.
+    /// Its participants, or the workers of a campaign, with their process ids.
     fn processes(&self, parts: &Parts) -> Vec<Process> {
         let found = marked(&self.token).into_iter().filter_map(|(pid, variables)| {
             let handle = pidfd_open(Pid::from_raw(pid)?, PidfdFlags::empty()).ok()?;
@@ -186,7 +186,7 @@ impl Running {
                 }
                 Parts::Workers => is_worker(pid, self.child.id()).then_some(0),
             }?;
-            // Held now: when it is still the same, no other process can have taken its number.
+            // It is held open now: if it is still the same, its process id cannot have been reused.
             (environment(pid)? == variables).then_some((
                 pid,
                 Process {
@@ -205,7 +205,7 @@ impl Running {
         found.into_iter().map(|(_, process)| process).collect()
     }
 
-    /// Waits for the moment of `strike` and delivers it; what it reached.
+    /// Waits for the moment of `strike` and delivers it; returns what it reached.
     pub(super) fn deliver(&mut self, strike: &Strike, parts: &Parts, out: &Path, progress: &Progress) -> Vec<Hit> {
         let us = match strike.moment {
             Moment::After { us } => us,
@@ -246,7 +246,7 @@ impl Running {
         }
         if let Some(ms) = last {
             std::thread::sleep(Duration::from_millis(ms));
-            // What has been started or has been missed meanwhile was not stopped; a further signal does not hurt it.
+            // Processes started or missed meanwhile were not stopped; a further signal does no harm.
             let continued = struck.iter().filter(|process| process.send(Signal::CONT));
             self.signals += continued.count() as u64;
         }
@@ -285,7 +285,7 @@ fn environment(pid: i32) -> Option<Vec<u8>> {
     fs::read(format!("/proc/{pid}/environ")).ok()
 }
 
-/// Whether `pid` is a campaign's worker, and not a child of one that has not become another program yet.
+/// Whether `pid` is a worker of a campaign, and not a child of one between fork and exec.
 fn is_worker(pid: i32, campaign: u32) -> bool {
     let line = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
@@ -294,7 +294,7 @@ fn is_worker(pid: i32, campaign: u32) -> bool {
         && parent.and_then(|text| text.parse().ok()) == Some(campaign)
 }
 
-/// The living processes of the run with `token`, with their environment. A process that is dead and not yet reaped has none.
+/// The living processes of the run with `token`, with their environment. A zombie has none.
 fn marked(token: &str) -> Vec<(i32, Vec<u8>)> {
     let mark = format!("{TOKEN}={token}\0");
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
@@ -305,7 +305,7 @@ fn marked(token: &str) -> Vec<(i32, Vec<u8>)> {
         .collect()
 }
 
-/// Fails when a process of the run with `token` is left. Those that the kernel ends with the orchestrator get `time`.
+/// Fails when a process of the run with `token` is left. Processes that the kernel ends with the orchestrator get `time`.
 pub(super) fn none_left(token: &str, time: Duration) -> Check<()> {
     let started = Instant::now();
     loop {
@@ -331,15 +331,15 @@ pub(super) fn none_left(token: &str, time: Duration) -> Check<()> {
     }
 }
 
-/// How long a process may be stopped, and how long it may do nothing before a run ends.
+/// The longest time for which a process may be stopped, and the time without progress after which a run ends.
 ///
-/// On two processors under a load of forty, with others before it, a healthy participant was seen to get none for 2 s.
+/// On two processors under a load of forty, a healthy participant with others ahead of it was observed to get no CPU time for 2 s.
 pub(super) const PATIENCE: &str = "6 s";
 /// Longer than [`PATIENCE`].
 const LONG_MS: [u64; 2] = [6500, 8000];
 
 impl Strike {
-    /// A signal, or a stop and its continuation, among those that a run with `seats` participants may get.
+    /// A signal, or a stop and its continuation, among those that a run with `seats` participants may receive.
     pub(super) fn draw(dice: &mut Dice, seats: usize, pauses_only: bool) -> Strike {
         let moment = match dice.below(8) {
             0 | 1 => Moment::After {
@@ -404,7 +404,7 @@ impl Strike {
 }
 
 impl Hit {
-    /// Whether a participant that it reached may fail by it. A suspension of everything, or of the orchestrator, harms nothing.
+    /// Whether a participant that it reached may fail because of it. A suspension of everything, or of the orchestrator, does no harm.
     pub(super) fn harms_a_participant(&self) -> bool {
         let one = matches!(self.target, Target::One(_));
         match self.action {

@@ -1,4 +1,4 @@
-//! Rounds side by side: each worker has a process and, where the machine allows it, a `/dev/shm` of its own.
+//! Rounds in parallel: each worker has a process and, where the machine allows it, a private `/dev/shm`.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -13,27 +13,27 @@ use super::round::References;
 use super::{Kind, Tally, campaign, inspect, round, start};
 use crate::program::{all_built, participant};
 
-/// One round in so many of the killer's is a campaign.
+/// One in this many rounds with signals is a campaign.
 const CAMPAIGNS: u64 = 16;
 
-/// The rounds to do.
+/// The rounds to execute.
 #[derive(Debug, Clone, Copy)]
 pub struct Work {
-    /// What each of them is.
+    /// The kind of each round.
     pub kind: Kind,
-    /// What their draws depend on.
+    /// The seed of their random samples.
     pub seed: u64,
-    /// The number of the first one.
+    /// The number of the first round.
     pub first: u64,
-    /// How many.
+    /// The number of rounds.
     pub rounds: u64,
-    /// How many processes do them side by side.
+    /// The number of parallel processes.
     pub jobs: u64,
-    /// Threads that keep the processors busy meanwhile: two for each of them.
+    /// Threads that keep the processors busy meanwhile: two for each processor.
     pub beside_load: bool,
 }
 
-/// What became of one round.
+/// The result of one round.
 #[derive(Debug, Serialize, Deserialize)]
 struct Line {
     number: u64,
@@ -41,14 +41,14 @@ struct Line {
     failure: Option<String>,
 }
 
-/// What became of all of them.
+/// The result of all rounds.
 #[derive(Debug, Default)]
 pub struct Report {
-    /// Rounds that were done.
+    /// Rounds executed.
     pub rounds: u64,
-    /// What was done in them.
+    /// The work done in them.
     pub tally: Tally,
-    /// What went wrong, with the command that repeats it.
+    /// Failures, each with the command that repeats it.
     pub failures: Vec<String>,
 }
 
@@ -57,7 +57,7 @@ impl Work {
         self.first..self.first + self.rounds
     }
 
-    /// Does what a worker does: every `jobs`-th round from number `share` on, and a line on standard output for each.
+    /// Executes the work of a worker: every `jobs`-th round from number `share` on, with a line on standard output for each.
     pub fn share(&self, share: u64) {
         all_built();
         let mut references = References::default();
@@ -73,14 +73,14 @@ impl Work {
             let failure = found.err();
             let line = Line { number, tally, failure };
             let text = serde_json::to_string(&line).expect("a line is plain data");
-            // Without a reader the parent is gone.
+            // Without a reader the parent has ended.
             if writeln!(std::io::stdout(), "{text}").is_err() {
                 return;
             }
         }
     }
 
-    /// Does all rounds. `progress` is given what has been done so far, now and then.
+    /// Executes all rounds. `progress` is called with the results so far from time to time.
     pub fn run(&self, mut progress: impl FnMut(&Report)) -> Report {
         // Built here, once, for all workers.
         let program = participant("long");
@@ -178,7 +178,7 @@ impl Report {
     }
 }
 
-/// A command that runs `program` with a `/dev/shm` of its own, to which arguments are added.
+/// A command that runs `program` with a private `/dev/shm`, to which arguments are added.
 fn in_namespace(program: &Path) -> Command {
     let mut command = Command::new("unshare");
     if !rustix::process::geteuid().is_root() {
@@ -191,7 +191,7 @@ fn in_namespace(program: &Path) -> Command {
     command
 }
 
-/// Whether the machine lets a process have a `/dev/shm` of its own.
+/// Whether the machine lets a process have a private `/dev/shm`.
 fn private() -> bool {
     let mut command = in_namespace(Path::new("true"));
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());

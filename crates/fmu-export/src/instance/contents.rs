@@ -11,7 +11,7 @@ use crate::refusal::Refusal;
 use crate::variable::Place;
 
 impl Instance {
-    /// Sets texts or bytes, which stand one behind the other for variables that are arrays.
+    /// Sets texts or bytes; those of array variables are given consecutively.
     pub fn set_contents(&mut self, references: &[u32], native: Native, contents: &[&[u8]]) -> Result<(), Refusal> {
         let mut rest = contents;
         for reference in references {
@@ -58,7 +58,7 @@ impl Instance {
         Ok(())
     }
 
-    /// The payload's bytes of a variable that is a text or bytes, with the type of its elements.
+    /// The bytes in the payload of a text or bytes variable, with the type of its elements.
     fn contents_of(&mut self, number: usize) -> Result<Vec<Vec<u8>>, Refusal> {
         let (place, kind, len) = {
             let variable = &self.variables[number];
@@ -94,7 +94,7 @@ impl Instance {
         Ok(all)
     }
 
-    /// Texts, which stay until the next call.
+    /// Reads texts; they are valid until the next call.
     pub fn get_texts(&mut self, references: &[u32]) -> Result<&[CString], Refusal> {
         let contents = self.contents(references, Native::Text)?;
         let texts = contents.into_iter().map(CString::new);
@@ -102,7 +102,7 @@ impl Instance {
         Ok(&self.texts)
     }
 
-    /// Bytes, which stay until the next call.
+    /// Reads bytes; they are valid until the next call.
     pub fn get_binaries(&mut self, references: &[u32]) -> Result<&[Vec<u8>], Refusal> {
         self.binaries = self.contents(references, Native::Binary)?;
         Ok(&self.binaries)

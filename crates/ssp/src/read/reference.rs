@@ -1,4 +1,4 @@
-//! Components that are systems of other descriptions and packages.
+//! Components that are systems from other descriptions and packages.
 
 use fmu::Archive;
 use roxmltree::Node;
@@ -9,7 +9,7 @@ use crate::package::Package;
 use crate::structure::{Content, Kind};
 
 impl<'a> Reader<'a> {
-    /// The source of an FMU by its full name. Those of packages inside the package are kept.
+    /// The source of an FMU by its full name. FMUs of nested packages are kept.
     pub(super) fn taken(&mut self, path: String) -> String {
         let full = format!("{}{path}", self.home.prefix);
         if !self.home.prefix.is_empty()
@@ -69,8 +69,8 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The root system as the content of the element `own`, which names it: its connectors must be those of the system, and its values
-    /// come before the system's own.
+    /// The root system as the content of the element `own`, which refers to it. The element's connectors must be those of the system, and
+    /// its values take precedence over the system's own.
     fn inner(&mut self, own: usize, depth: usize) -> Result<(), Problem> {
         let system = self.root_system()?;
         let name = self.found.elements[own].name.clone();

@@ -1,11 +1,11 @@
-//! A loop that code closes: the run has the tank, and this program is its controller, ten times a second.
+//! A loop closed by code: the run contains the tank, and this program is its controller, at 10 Hz.
 
 use escapement::prelude::*;
 use from_code::{Level, Pump, options, scenario};
 
-/// The depth that is wanted, m.
+/// The desired depth, m.
 const WANTED: f64 = 1.0;
-/// The pump gives no more, m³/s.
+/// The maximum flow of the pump, m³/s.
 const MOST: f64 = 0.05;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,4 +1,4 @@
-//! Two futures of one tank: saved after a minute, let on with the pump off and with the pump at work, and taken back in between.
+//! Two futures of one tank: saved after a minute, continued with the pump off, restored, and continued with the pump on.
 
 use escapement::prelude::*;
 use from_code::{Pump, options, scenario};
@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
 
-    // The better one is the one that stays.
+    // The better future is kept.
     run.restore(&here)?;
     run.set("tank.pump", &Pump { flow: least_lost.1 })?;
     run.run_to("120 s")?;

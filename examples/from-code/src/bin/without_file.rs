@@ -1,4 +1,4 @@
-//! A scenario that no file says: made in code, run in this process and in processes with the same tape, changed, and run again.
+//! A scenario without a file: built in code, run in this process and in separate processes with the same tape, changed, and run again.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -7,7 +7,7 @@ use escapement::prelude::*;
 use from_code::{Gains, catalogue, contents, options};
 
 fn main() -> ExitCode {
-    // The process of a participant is this program once more, with a command line.
+    // The process of a participant is this program, started with a command line.
     if std::env::args_os().len() > 1 {
         return Program::new("without_file").contents(contents).main();
     }
@@ -64,7 +64,7 @@ fn runs() -> Result<(), Box<dyn std::error::Error>> {
     println!("the same tape in processes: {}", here == apart?);
     println!("plan.toml has {} lines", plan?.lines().count());
 
-    // What is changed is a field, or a key that a participant has made up.
+    // A change sets a field, or a key that a participant defines.
     spec.participants["pump"].period = "5 s".into();
     spec.set("participants.pump.parameters.gain", 0.02)?;
     run(&spec, &options())?;
