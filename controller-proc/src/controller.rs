@@ -1,4 +1,4 @@
-//! The participant.
+//! The controller participant.
 
 use control_laws::Measured as MeasuredState;
 use guidance_laws::SetPoint as SetPointState;
@@ -26,10 +26,10 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// A controller that has seen nothing yet.
+    /// A controller before its first input.
     ///
     /// # Errors
-    /// Names the parameter that is refused.
+    /// Names the rejected parameter.
     pub fn new(setup: &Setup, parameters: &Parameters) -> Result<Self, ParameterError> {
         Ok(Self {
             law: Law::new(parameters, setup.period)?,

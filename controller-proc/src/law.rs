@@ -1,4 +1,4 @@
-//! The laws behind one face.
+//! Common interface of the control laws.
 
 use control_laws::allocation::Allocation;
 use control_laws::stabilise::{self, StabilisingLaw};
@@ -10,10 +10,10 @@ use nalgebra::Vector3;
 
 use crate::parameters::{LawName, Parameters, build, payload, refused};
 
-/// What a law reads.
+/// Inputs of a law.
 #[derive(Debug, Clone, Copy)]
 pub struct Input {
-    /// Now, s.
+    /// Current simulated time, s.
     pub t: f64,
     /// The servicer.
     pub measured: Option<Measured>,
@@ -21,46 +21,46 @@ pub struct Input {
     pub end_effector: Option<(SetPoint, f64)>,
     /// The base's set-point, and the instant it is for, s.
     pub base: Option<(SetPoint, f64)>,
-    /// In the wheels, base axes, N m s.
+    /// Momentum stored in the wheels, base axes, N m s.
     pub wheel_momentum: Vector3<f64>,
     /// Whether the gripper has closed on the target.
     pub grasped: bool,
 }
 
-/// What a law answers.
+/// Outputs of a law.
 #[derive(Debug, Clone, Copy)]
 pub struct Answer {
     /// Generalised force.
     pub force: Dof,
-    /// Who makes the base's part.
+    /// Allocation of the base's part to wheels and thrusters.
     pub allocation: Allocation,
-    /// What it saw and thought.
+    /// Internal signals of the law.
     pub telemetry: ControlTelemetry,
 }
 
 /// The law of the approach.
 #[derive(Debug, Clone)]
 pub enum Approach {
-    /// The paper's.
+    /// The law of the paper.
     Hierarchical(Box<HierarchicalLaw>),
-    /// The one it is compared with.
+    /// The comparison law.
     Reference(Box<ReferenceLaw>),
 }
 
-/// The law of the approach, and the one after the grasp.
+/// The law of the approach, and the law after the grasp.
 #[derive(Debug, Clone)]
 pub struct Law {
-    /// Until the grasp, or for ever.
+    /// Active until the grasp, or for the whole run.
     pub approach: Approach,
-    /// From the grasp on, if asked for.
+    /// Active from the grasp on, if configured.
     pub stabilise: Option<Box<StabilisingLaw>>,
 }
 
 impl Law {
-    /// The laws that the scenario asks for.
+    /// The laws selected by the scenario.
     ///
     /// # Errors
-    /// Names the parameter that is refused.
+    /// Names the rejected parameter.
     pub fn new(parameters: &Parameters, period: f64) -> Result<Self, ParameterError> {
         let model = |payload| build(&parameters.urdf, &parameters.servicer, &parameters.model, payload);
         let approach = match parameters.law {
@@ -88,7 +88,7 @@ impl Law {
         Ok(Self { approach, stabilise })
     }
 
-    /// The command now; `None` while there is no measurement.
+    /// The command at this instant; `None` while there is no measurement.
     pub fn step(&mut self, input: &Input) -> Option<Answer> {
         if let (Some(law), true) = (&mut self.stabilise, input.grasped) {
             return stabilised(law, input);
@@ -100,7 +100,7 @@ impl Law {
     }
 }
 
-/// How old a set-point is; zero while there is none.
+/// Age of a set-point; zero while there is none.
 fn age(t: f64, set_point: Option<(SetPoint, f64)>) -> f64 {
     set_point.map_or(0.0, |(_, stamp)| t - stamp)
 }

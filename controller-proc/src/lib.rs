@@ -10,7 +10,7 @@
 //! | out `couples` | [`Couples`](interfaces::Couples) | torque by thrusters; zero without an allocation |
 //! | out `telemetry` | [`ControlTelemetry`](interfaces::ControlTelemetry) | |
 //!
-//! Nothing is commanded before the first measurement, and the end effector is held where it is before the first set-point.
+//! The controller commands nothing before the first measurement and holds the end effector at its pose before the first set-point.
 #![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
 
 mod controller;
@@ -23,7 +23,7 @@ pub use velocity_loop::VelocityLoop;
 
 use lockstep::participant::{ParameterError, Participant, Setup};
 
-/// Makes a controller from `setup.parameters`; docs/models/controller.md lists them.
+/// Builds a controller from `setup.parameters`; docs/models/controller.md lists them.
 ///
 /// # Errors
 /// Names the parameter, its value and the remedy.

@@ -1,4 +1,4 @@
-//! The controller in a process of its own.
+//! The controller as a separate process.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! The complete state of a controller: what its laws remember.
+//! The complete state of a controller: that of its laws.
 
 use control_laws::{hierarchical, reference, stabilise};
 use lockstep::participant::{Failure, state};
@@ -28,7 +28,7 @@ pub fn save(law: &Law) -> Option<Vec<u8>> {
     state::to_bytes(&Saved { approach, stabilise })
 }
 
-/// Puts `law` into a state that [`save`] gave.
+/// Restores `law` from a state returned by [`save`].
 pub fn restore(law: &mut Law, state: &[u8]) -> Result<(), Failure> {
     let saved: Saved = state::from_bytes(state)?;
     match (&mut law.approach, &saved.approach) {
@@ -41,7 +41,7 @@ pub fn restore(law: &mut Law, state: &[u8]) -> Result<(), Failure> {
             );
         }
     }
-    // a law that stabilises from now on, or no longer, has nothing to remember
+    // stabilisation added or removed since the save has no state to restore
     if let (Some(law), Some(saved)) = (&mut law.stabilise, &saved.stabilise) {
         law.restore(saved);
     }

@@ -1,4 +1,4 @@
-//! The linear part of the law, for an analysis of the loop that it closes.
+//! The linear part of the law, for analysis of the closed velocity loop.
 
 use lockstep::participant::{ParameterError, Setup};
 
@@ -16,15 +16,15 @@ pub struct VelocityLoop {
 }
 
 impl VelocityLoop {
-    /// The gains that a controller of these parameters has.
+    /// The gains of a controller with these parameters.
     ///
     /// # Errors
-    /// Names the parameter that is refused.
+    /// Names the rejected parameter.
     pub fn new(setup: &Setup) -> Result<Self, ParameterError> {
         let parameters: Parameters = lockstep::units::read(&setup.parameters)?;
         let feedback = parameters.feedback()?;
         let gains = parameters.gains.gains(&feedback)?;
-        // What the law believes of every mass multiplies scheduled gains; a mismatch of single links does not enter here.
+        // The control model's common mass factor multiplies scheduled gains; a mismatch of single links does not enter here.
         let factor = if gains.is_scheduled() {
             parameters.model.mass_factor
         } else {

@@ -1,4 +1,4 @@
-//! The participant.
+//! The guidance participant.
 
 use guidance_laws::capture::Phase;
 use guidance_laws::navigation::{CameraPose as Picture, NavigationFilter, Update};
@@ -28,11 +28,11 @@ pub struct Guidance {
     kinematics: Kinematics,
     pub(crate) law: Law,
     pub(crate) navigation: Option<Navigation>,
-    /// For moving a late target state on to the present.
+    /// Model for propagating a delayed target state to the present.
     prediction: Option<TargetModel>,
 }
 
-/// The target as it is believed to be.
+/// Estimate of the target's motion.
 #[derive(Debug, Clone, Copy, Default)]
 struct Belief {
     target: Option<TargetMotion>,
@@ -42,10 +42,10 @@ struct Belief {
 }
 
 impl Guidance {
-    /// A guidance that has seen nothing yet.
+    /// A guidance before its first input.
     ///
     /// # Errors
-    /// Names the parameter that is refused.
+    /// Names the rejected parameter.
     pub fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
         let navigation = match &parameters.navigation {
             None => None,
@@ -104,7 +104,7 @@ impl Navigation {
             Update::None | Update::Started => {}
             Update::Accepted { nis } => self.innovation = nis,
             Update::Refused { nis } => {
-                // the message must stay finite whatever the picture was
+                // the message must stay finite whatever the camera pose was
                 self.innovation = nis.min(f64::MAX);
                 self.refused += 1;
             }
@@ -158,7 +158,7 @@ impl Participant for Guidance {
     }
 }
 
-/// A set-point as a message; zeros while there is none.
+/// Converts a set-point to a message; zeros while there is none.
 fn message(stamp: f64, set_point: Option<SetPointState>) -> SetPoint {
     set_point.map_or_else(SetPoint::default, |set_point| SetPoint {
         stamp,

@@ -1,4 +1,4 @@
-//! Where the end effector is, by the servicer's own sensors.
+//! Forward kinematics: the end effector's pose from the servicer's own sensors.
 
 use guidance_laws::{Pose, so3};
 use interfaces::files::Servicer;
@@ -15,10 +15,10 @@ pub struct Kinematics {
 }
 
 impl Kinematics {
-    /// From the URDF.
+    /// Builds the kinematics from the URDF.
     ///
     /// # Errors
-    /// Names what does not fit it.
+    /// Names the item that does not fit the URDF.
     pub fn new(urdf: &str, servicer: &Servicer) -> Result<Self, ParameterError> {
         let refuse = |key: &str, error: &dyn std::fmt::Display| ParameterError::new(key, error);
         let mut description = servicer.description(urdf).map_err(|error| refuse("urdf", &error))?;

@@ -1,4 +1,4 @@
-//! The laws behind one face.
+//! Common interface of the guidance laws.
 
 use guidance_laws::capture::{self, CaptureGuidance};
 use guidance_laws::reference::{self, ReferenceGuidance};
@@ -10,26 +10,26 @@ use crate::parameters::{LawName, Parameters, refused};
 /// A guidance law.
 #[derive(Debug, Clone)]
 pub enum Law {
-    /// The paper's.
+    /// The law of the paper.
     Capture(Box<CaptureGuidance>),
-    /// The one it is compared with.
+    /// The comparison law.
     Reference(Box<ReferenceGuidance>),
 }
 
-/// What a law answers.
+/// Outputs of a law.
 #[derive(Debug, Clone, Copy)]
 pub struct Answer {
-    /// Of the end effector, with the progress.
+    /// Set-point of the end effector, with the progress.
     pub end_effector: capture::Output,
-    /// Of the base.
+    /// Set-point of the base.
     pub base: Option<SetPoint>,
 }
 
 impl Law {
-    /// The law that the scenario asks for.
+    /// The law selected by the scenario.
     ///
     /// # Errors
-    /// Names the parameter that is refused.
+    /// Names the rejected parameter.
     pub fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
         match parameters.law {
             LawName::Capture => CaptureGuidance::new(parameters.capture()).map(|law| Law::Capture(Box::new(law))),
@@ -40,7 +40,7 @@ impl Law {
         .map_err(|error| refused(&error))
     }
 
-    /// The set-points now.
+    /// The set-points at this instant.
     pub fn step(&mut self, time_s: f64, poses: Option<(Pose, Pose)>, target: Option<TargetState>) -> Answer {
         let end_effector = poses.map(|(_, end_effector)| end_effector);
         match self {

@@ -1,4 +1,4 @@
-//! Guidance: hosts a guidance law and, if asked for, the navigation filter in front of it.
+//! Guidance: hosts a guidance law and, if configured, the navigation filter in front of it.
 //!
 //! | port | message | |
 //! |---|---|---|
@@ -6,7 +6,7 @@
 //! | in `target` | [`TargetState`](interfaces::TargetState) | required without navigation |
 //! | in `camera` | [`CameraPose`](interfaces::CameraPose) | required with navigation |
 //! | out `setpoint` | [`SetPoint`](interfaces::SetPoint) | of the end effector |
-//! | out `base_setpoint` | [`SetPoint`](interfaces::SetPoint) | of the base; zeros unless the comparison guidance is at work |
+//! | out `base_setpoint` | [`SetPoint`](interfaces::SetPoint) | of the base; zeros unless the comparison guidance is active |
 //! | out `telemetry` | [`GuidanceTelemetry`](interfaces::GuidanceTelemetry) | |
 //!
 //! No set-point is given before the first measurement; before the target is seen it is the start pose.
@@ -21,7 +21,7 @@ mod saved;
 
 use lockstep::participant::{ParameterError, Participant, Setup};
 
-/// Makes a guidance from `setup.parameters`; docs/models/guidance.md lists them.
+/// Builds a guidance from `setup.parameters`; docs/models/guidance.md lists them.
 ///
 /// # Errors
 /// Names the parameter, its value and the remedy.

@@ -1,4 +1,4 @@
-//! The guidance in a process of its own.
+//! The guidance as a separate process.
 
 use std::process::ExitCode;
 

@@ -1,16 +1,16 @@
-//! The navigation filter with what it needs to be restored.
+//! The navigation filter with the data needed to restore it.
 
 use guidance_laws::navigation::NavigationFilter;
 
-/// The filter with what it needs to be restored.
+/// The filter with the data needed to restore it.
 #[derive(Debug)]
 pub struct Navigation {
     /// The filter.
     pub filter: NavigationFilter,
-    /// What it was made from.
+    /// Parameters from which the filter was built.
     pub parameters: guidance_laws::navigation::Parameters,
-    /// Pictures refused so far.
+    /// Camera poses rejected so far.
     pub refused: u64,
-    /// Normalised innovation squared of the last picture.
+    /// Normalised innovation squared of the last camera pose.
     pub innovation: f64,
 }

@@ -1,4 +1,4 @@
-//! What a scenario may say about guidance and navigation.
+//! Guidance and navigation parameters of a scenario.
 
 use guidance_laws::capture::{self, Schedule};
 use guidance_laws::navigation::{self, PositionAttitude};
@@ -17,33 +17,33 @@ use serde::Deserialize;
 pub struct Parameters {
     /// The mechanism, as URDF text.
     pub urdf: String,
-    /// What the URDF cannot say.
+    /// Servicer data that a URDF cannot express.
     pub servicer: Servicer,
     /// The target.
     pub target: Target,
-    /// Which law.
+    /// Guidance law.
     #[serde(default)]
     pub law: LawName,
     /// The instants of the approach.
     pub schedule: ScheduleTable,
-    /// Whether a target state that arrives late is moved on to the present with the target's own motion.
+    /// Whether a delayed target state is propagated to the present with the model of the target's motion.
     #[serde(default)]
     pub predict_target: bool,
-    /// The comparison guidance's own numbers.
+    /// Parameters specific to the comparison guidance.
     #[serde(default)]
     pub reference: Reference,
-    /// The navigation filter; without it the target's state is taken as it comes.
+    /// The navigation filter; without it the received target state is used directly.
     pub navigation: Option<Navigation>,
 }
 
-/// Which law.
+/// Guidance law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LawName {
-    /// The paper's: a set-point of the end effector.
+    /// The law of the paper: a set-point for the end effector.
     #[default]
     Capture,
-    /// The stand-in it is compared with: a set-point of the base as well.
+    /// The stand-in for comparison: a set-point for the base as well.
     Reference,
 }
 
@@ -59,18 +59,18 @@ pub struct ScheduleTable {
     pub grasp: Quantity<Time>,
 }
 
-/// The comparison guidance's own numbers.
+/// Parameters specific to the comparison guidance.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Reference {
     /// Closing pose of the base in the world.
     pub closing_pose: Frame,
-    /// How the base gets there.
+    /// Path of the base to its closing pose.
     pub base_path: BasePathName,
 }
 
 impl Default for Reference {
-    /// The nominal closing pose, aligned with the world, and the path tied to it.
+    /// The nominal closing pose, aligned with the world, and the path `nominal-pose`.
     fn default() -> Self {
         Self {
             closing_pose: Frame {
@@ -82,17 +82,17 @@ impl Default for Reference {
     }
 }
 
-/// How the base gets to its closing pose.
+/// Path of the base to its closing pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BasePathName {
-    /// It is asked to be there from the start instant on.
+    /// The closing pose is commanded from the start instant on.
     NominalPose,
-    /// On a quintic from its true start.
+    /// A quintic from the base's true start pose.
     Replanned,
 }
 
-/// The navigation filter: what it believes of camera and target.
+/// The navigation filter: its models of camera and target.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Navigation {
@@ -102,28 +102,28 @@ pub struct Navigation {
     pub drift_attitude: Quantity<Angle>,
     /// Time constant of the slow errors.
     pub drift_time: Quantity<Time>,
-    /// Standard deviation of a picture's own position error; more than the camera has makes the estimate smoother.
+    /// Standard deviation of the white position error; a value above the camera's true one makes the estimate smoother.
     pub white_position: Quantity<Length>,
-    /// Standard deviation of a picture's own attitude error; more than the camera has makes the estimate smoother.
+    /// Standard deviation of the white attitude error; a value above the camera's true one makes the estimate smoother.
     pub white_attitude: Quantity<Angle>,
-    /// Unknown acceleration: what it adds to the velocity's standard deviation in one second.
+    /// Unmodelled acceleration: growth of the velocity's standard deviation in one second.
     pub acceleration: Quantity<Acceleration>,
-    /// Unknown angular acceleration: what it adds to the rate's standard deviation in one second.
+    /// Unmodelled angular acceleration: growth of the rate's standard deviation in one second.
     pub angular_acceleration: Quantity<AngularAcceleration>,
-    /// Standard deviation of the velocity before the first picture.
+    /// Standard deviation of the velocity before the first camera pose.
     pub initial_velocity: Quantity<Speed>,
-    /// Standard deviation of the angular velocity before the first picture.
+    /// Standard deviation of the angular velocity before the first camera pose.
     pub initial_rate: Quantity<AngularRate>,
-    /// A picture is refused when its normalised innovation squared exceeds this.
+    /// Gate: a camera pose is rejected when its normalised innovation squared exceeds this.
     pub gate: f64,
-    /// So many refused pictures in a row start the filter anew.
+    /// Largest number of consecutive rejections; one more re-initialises the filter.
     pub refusals_max: u32,
     /// Longest step of the prediction.
     pub longest_step: Quantity<Time>,
 }
 
 impl Default for Navigation {
-    /// The stock camera, trusted a little less than it deserves: the controller feels every step of the estimate.
+    /// The stock camera with slightly inflated noise: every step of the estimate reaches the controller.
     fn default() -> Self {
         Self {
             drift_position: Quantity::of(0.003),
@@ -166,7 +166,7 @@ impl Parameters {
         }
     }
 
-    /// For the paper's law.
+    /// Parameters of the paper's law.
     pub fn capture(&self) -> capture::Parameters {
         capture::Parameters {
             schedule: self.schedule(),
@@ -174,7 +174,7 @@ impl Parameters {
         }
     }
 
-    /// For the comparison law.
+    /// Parameters of the comparison law.
     pub fn comparison(&self) -> reference::Parameters {
         reference::Parameters {
             schedule: self.schedule(),
@@ -187,10 +187,10 @@ impl Parameters {
         }
     }
 
-    /// The target's motion, predicted in steps of at most `longest_step`, s.
+    /// Model of the target's motion, integrated in steps of at most `longest_step`, s.
     ///
     /// # Errors
-    /// When the inertia is none.
+    /// When the inertia is not valid.
     pub fn target_model(&self, longest_step: f64) -> Result<TargetModel, ParameterError> {
         let inertia = Matrix3::from_diagonal(&Vector3::from(self.target.inertia.si()));
         TargetModel::new(inertia, longest_step).map_err(|error| {
@@ -203,10 +203,10 @@ impl Parameters {
         })
     }
 
-    /// For the filter.
+    /// Parameters of the filter.
     ///
     /// # Errors
-    /// When the target's inertia is none.
+    /// When the target's inertia is not valid.
     pub fn filter(&self, navigation: &Navigation) -> Result<navigation::Parameters, ParameterError> {
         let pair = |position, attitude| PositionAttitude { position, attitude };
         Ok(navigation::Parameters {
@@ -222,7 +222,7 @@ impl Parameters {
     }
 }
 
-/// A law's refusal under the key that the scenario uses.
+/// Maps a law's parameter error to the scenario's key.
 pub fn refused(error: &Refusal) -> ParameterError {
     let key = match error.field {
         "schedule.start_s" => "schedule.start",

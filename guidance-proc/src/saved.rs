@@ -1,4 +1,4 @@
-//! The complete state of a guidance: what its law and its filter remember.
+//! The complete state of a guidance: that of its law and its filter.
 
 use guidance_laws::navigation::{self, NavigationFilter};
 use guidance_laws::{capture, reference};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::law::Law;
 use crate::navigation::Navigation;
 
-/// A state as it is written: what the law and the filter remember, and which of them there are.
+/// The serialised state: the state of the law and of the filter, and which of them are present.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     law: SavedLaw,
@@ -42,7 +42,7 @@ pub fn save(law: &Law, navigation: Option<&Navigation>) -> Option<Vec<u8>> {
     state::to_bytes(&Saved { law, navigation })
 }
 
-/// Puts law and filter into a state that [`save`] gave.
+/// Restores law and filter from a state returned by [`save`].
 pub fn restore(law: &mut Law, navigation: Option<&mut Navigation>, state: &[u8]) -> Result<(), Failure> {
     let saved: Saved = state::from_bytes(state)?;
     match (law, &saved.law) {

@@ -1,5 +1,5 @@
-//! Several plants stepped at once: what takes most of a step, the motion and what the truth takes from the bodies, is computed for all of
-//! them in the lanes of the processor.
+//! SIMD stepping of several plants at once: the costly parts of a step, the integration and the body quantities of the truth message, are
+//! computed for all of them in the lanes of the processor.
 
 use lockstep::participant::{Abreast, StepAbreast};
 use multibody::{F64x4, Lanes, Method};
@@ -7,14 +7,14 @@ use multibody::{F64x4, Lanes, Method};
 use crate::dynamics::{Bodies, Models, Under};
 use crate::plant::{Plant, TRUTH};
 
-/// Mechanisms in lanes, kept from one step to the next.
+/// Mechanisms packed into SIMD lanes, kept from one step to the next.
 #[derive(Debug, Default)]
 pub struct Known {
-    /// Of each group.
+    /// Models of each group.
     models: Vec<Option<Box<Models<F64x4>>>>,
 }
 
-/// What plants must have in common to go side by side.
+/// Properties that plants must share to be stepped together in SIMD lanes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Shape {
     substeps: u32,
@@ -23,7 +23,7 @@ struct Shape {
     compensated: [bool; 3],
 }
 
-/// A plant with the period of its step.
+/// A plant and the period of its step.
 struct Moving<'a> {
     plant: &'a mut Plant,
     shape: Option<Shape>,
@@ -33,7 +33,7 @@ struct Moving<'a> {
 }
 
 impl Shape {
-    /// `None` for a plant that goes alone.
+    /// `None` for a plant that must be stepped alone.
     fn of(plant: &Plant, period: f64) -> Option<Shape> {
         let alone = plant.method != Method::Rk4 || plant.model.sphere.is_some() || plant.forces.braked.contains(&true);
         (!alone).then(|| Shape {
@@ -70,7 +70,7 @@ impl StepAbreast for Plant {
     }
 }
 
-/// Moves each over its step: those of one shape side by side, as many as there are lanes.
+/// Integrates each plant over its step: plants of one shape together, as many as there are lanes.
 fn move_all(mut left: Vec<Moving>, known: &mut Known) {
     let mut group = 0;
     while !left.is_empty() {
@@ -99,7 +99,7 @@ fn move_all(mut left: Vec<Moving>, known: &mut Known) {
     }
 }
 
-/// `false` when nothing was done: they must go alone.
+/// Returns `false` when nothing was done: the plants must then be stepped alone.
 fn side_by_side(
     those: &mut [Moving],
     shape: &Shape,

@@ -1,4 +1,4 @@
-//! The plant in a process of its own.
+//! The plant as a separate process.
 
 use std::process::ExitCode;
 

@@ -1,5 +1,5 @@
-//! What a scenario may say about the plant. Every default is that of the ideal set: exact sensors, limits the only fault
-//! of the actuators.
+//! Plant parameters of a scenario. Every default is that of the ideal set: exact sensors, and actuators with limits as
+//! their only imperfection.
 
 use interfaces::files::{Servicer, Target};
 use lockstep::units::{Angle, AngularRate, Each, Length, Quantity, Speed, Time, Vector};
@@ -16,7 +16,7 @@ use crate::sensors::SensorParameters;
 pub struct Parameters {
     /// The mechanism, as URDF text.
     pub urdf: String,
-    /// What the URDF cannot say.
+    /// Servicer data that a URDF cannot express.
     pub servicer: Servicer,
     /// The target.
     pub target: Target,
@@ -24,7 +24,7 @@ pub struct Parameters {
     pub start: Start,
     /// The target at the first instant.
     pub target_start: TargetStart,
-    /// The propellant's pendulum: on `hinges`, as the paper's, or `spherical`.
+    /// The propellant's pendulum: on two `hinges`, as in the paper, or `spherical`.
     #[serde(default)]
     pub slosh: SloshModel,
     /// The integrator.
@@ -36,9 +36,9 @@ pub struct Parameters {
     /// The sensors.
     #[serde(default)]
     pub sensors: SensorParameters,
-    /// What becomes of the target once the gripper has closed; nothing unless given.
+    /// Gripper behaviour: when it closes on the target; never by default.
     pub after_grasp: Option<AfterGrasp>,
-    /// Actuators that fail.
+    /// Actuator faults.
     #[serde(default)]
     pub faults: Vec<FaultParameters>,
 }
@@ -111,7 +111,7 @@ impl Default for Integrator {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AfterGrasp {
-    /// When it closes, if the end effector is near enough then; otherwise as soon as it is.
+    /// Time at which it closes if the end effector is near enough by then; otherwise it closes as soon as that is so.
     pub at: Quantity<Time>,
     /// Distance between end effector and grasp frame within which it can close.
     #[serde(default = "reach")]

@@ -1,4 +1,4 @@
-//! The participant.
+//! The plant participant.
 
 use interfaces::{CameraPose, Command, Couples, Housekeeping, Measured, TargetState, Truth};
 use lockstep::participant::{
@@ -45,10 +45,10 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A plant at its start.
+    /// A plant at its start state.
     ///
     /// # Errors
-    /// Names the parameter that is refused.
+    /// Names the rejected parameter.
     pub fn new(setup: &Setup, parameters: &Parameters) -> Result<Self, ParameterError> {
         let model = Model::new(
             &parameters.urdf,
@@ -57,7 +57,7 @@ impl Plant {
             parameters.slosh,
         )?;
         let method = match parameters.integrator.method.parse() {
-            // the books are integrated with the motion, which the method on the group does not offer
+            // the ledger is integrated with the motion, which the Lie-group method does not support
             Ok(method @ (Method::Rk4 | Method::Dop853)) => method,
             _ => {
                 let reason = format!(
@@ -123,7 +123,7 @@ impl Plant {
         })
     }
 
-    /// What moves over a step.
+    /// The parts that a step integrates.
     pub(crate) fn under<'a>(&'a mut self, told: bool, bodies: &'a mut Option<Bodies>) -> Under<'a> {
         Under {
             model: &self.model,
@@ -135,7 +135,7 @@ impl Plant {
         }
     }
 
-    /// Moves over a step.
+    /// Integrates over a step.
     pub(crate) fn integrate(&mut self, period: f64) {
         let mechanics = Mechanics { model: &self.model };
         let h = period / f64::from(self.substeps);
@@ -154,20 +154,20 @@ impl Plant {
         self.carry();
     }
 
-    /// Takes the target along, where it is held.
+    /// Updates the target's motion from the end effector's while it is held.
     pub(crate) fn carry(&mut self) {
         if let Some(grasp) = &self.grasp {
             self.target = self.model.carried(&self.motion.servicer, &grasp.held);
         }
     }
 
-    /// Closes the gripper at `t` if it is time and the end effector is near enough. What was given out for `t` stays the
-    /// state just before the impact.
+    /// Closes the gripper at `t` if its time has come and the end effector is near enough. The outputs already written for `t`
+    /// remain those of the state just before the impact.
     fn try_grasp(&mut self, t: f64) {
         let Some(after) = &self.after_grasp else {
             return;
         };
-        // half a nanosecond: an instant of the plant and one of the scenario are rounded apart from each other
+        // half a nanosecond: the plant's times and the scenario's times are rounded separately
         if self.grasp.is_some() || t < after.at.si() - 5e-10 {
             return;
         }
@@ -182,7 +182,7 @@ impl Plant {
         }
     }
 
-    /// What happens at the begin of a step: the gripper closes, the actuators do what they are told, brakes take hold.
+    /// Start of a step: the gripper closes, the actuators take their commands, brakes engage.
     pub(crate) fn begin(&mut self, step: &Step, inputs: &Inputs) {
         self.try_grasp(step.t);
         let forces = self.actuators.apply(
@@ -223,14 +223,14 @@ impl Plant {
         )
     }
 
-    /// Writes sample number `k` of each output, at `t`, s, where it is seen. `bodies`: what the truth takes from them, where that is known.
+    /// Writes sample number `k` at `t`, s, of each output that is read. `bodies`: the body quantities for the truth, if already computed.
     pub(crate) fn write(&mut self, k: u64, t: f64, bodies: Option<&Bodies>, outputs: &mut Outputs) {
         if outputs.is_seen(TRUTH) {
             *outputs.get_mut::<Truth>(TRUTH) = self.tell(bodies);
         } else if outputs.is_ever_seen(TRUTH) {
             self.teller.follow(&self.model, &self.motion, &self.target);
         }
-        // A reading that outlasts its sample is taken whether it is seen now or later.
+        // A reading that affects later samples is taken even if this sample is not read.
         let sensors = &mut self.sensors.servicer;
         if outputs.is_seen(MEASURED) || (outputs.is_ever_seen(MEASURED) && sensors.remember()) {
             *outputs.get_mut::<Measured>(MEASURED) = *sensors.read(k, &self.motion.servicer);
@@ -335,7 +335,7 @@ fn servicer_at(start: &Start, slosh: SloshModel) -> Servicer {
     let nu = nu.chain(start.joint_rates.si()).chain(start.slosh_rates.si());
     state.nu.iter_mut().zip(nu).for_each(|(slot, value)| *slot = value);
     if slosh == SloshModel::Spherical {
-        // the bob has a state of its own
+        // the bob has a separate state
         state.q.iter_mut().skip(7).for_each(|angle| *angle = 0.0);
         state.nu.iter_mut().skip(13).for_each(|rate| *rate = 0.0);
     }

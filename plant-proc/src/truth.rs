@@ -1,4 +1,4 @@
-//! What the truth port tells.
+//! Content of the truth port.
 
 use interfaces::Truth;
 use multibody::{Placement, Quaternion};
@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use crate::dynamics::{Bob, Bodies, Books, Forces, Model, Motion, Servicer, Target, Totals, quaternion_of};
 
-/// Where the end effector E and the grasp frame G of the target are, in world axes.
+/// Poses of the end effector E and of the target's grasp frame G in world axes.
 pub struct Grip {
     p_NE: Vector3<f64>,
     quat_NE: Quaternion,
@@ -15,7 +15,7 @@ pub struct Grip {
 }
 
 impl Grip {
-    /// Where the end effector has the pose `p_BE` in the base.
+    /// Computes both, with the end effector at the pose `p_BE` in the base.
     pub fn of(model: &Model, p_BE: &Placement, servicer: &Servicer, target: &Target) -> Self {
         Self {
             p_NE: servicer.p_nb + servicer.quat_nb.rotate(&p_BE.p),
@@ -25,26 +25,26 @@ impl Grip {
         }
     }
 
-    /// From one origin to the other, m.
+    /// Distance between the two origins, m.
     pub fn distance(&self) -> f64 {
         (self.p_NE - self.p_NG).norm()
     }
 
-    /// From one attitude to the other, the short way, rad.
+    /// Smallest angle between the two attitudes, rad.
     pub fn angle(&self) -> f64 {
         angle_of(self.quat_NG.conjugate().times(self.quat_NE))
     }
 }
 
-/// Fills a [`Truth`]. Keeps the signs of the quaternions that come from rotation matrices, so that they do not jump.
+/// Fills a [`Truth`]. Keeps the signs of the quaternions derived from rotation matrices continuous.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct TruthTeller {
-    /// Attitudes of end effector and grasp frame as they were given out last; zeros before.
+    /// Attitudes of end effector and grasp frame as last written; zeros before.
     pub last: [[f64; 4]; 2],
 }
 
 impl TruthTeller {
-    /// Keeps the signs where the truth about this motion is not told, so that they are those of a teller that tells every time.
+    /// Updates the signs when the truth about this motion is not written, so that they are the same as if it were written at every step.
     pub fn follow(&mut self, model: &Model, motion: &Motion, target: &Target) {
         let kinematics = model.kinematics(&motion.servicer);
         let p_BE = model.tree.placement(&kinematics, model.end_effector);
@@ -53,7 +53,7 @@ impl TruthTeller {
         self.continuous(1, grip.quat_NG);
     }
 
-    /// The truth about this motion, in which the servicer's `bodies` are, with `forces` the actuators' over the step that led here.
+    /// The truth about this motion and the servicer's `bodies` in it; `forces` are the actuators' over the step that ends here.
     pub fn tell(
         &mut self,
         model: &Model,
@@ -138,24 +138,24 @@ impl TruthTeller {
     }
 }
 
-/// The angle of a rotation, the short way, rad.
+/// The smallest angle of a rotation, rad.
 pub fn angle_of(q: Quaternion) -> f64 {
     2.0 * libm::atan2(Vector3::new(q.x, q.y, q.z).norm(), q.w.abs())
 }
 
-/// The length of `(x, y)`, with the bits of `libm::hypot`.
+/// The length of `(x, y)`, bit-identical to `libm::hypot`.
 ///
-/// That one takes its root with an instruction of the time before AVX, for which the processor puts away the upper halves of all registers
-/// and brings them back: hundreds of cycles at every step of a plant. Here the same sum is made of the squares where nothing in it can be
-/// too large or too small, and the root is the compiler's.
+/// `libm::hypot` takes the square root with a pre-AVX (legacy SSE) instruction, for which the processor saves and restores the upper halves
+/// of all registers: hundreds of cycles at every step of a plant. Here the same sum of squares is formed where nothing in it can overflow
+/// or underflow, and the compiler generates the square root.
 fn hypot(x: f64, y: f64) -> f64 {
     let (x, y) = (x.abs(), y.abs());
     let (large, small) = if x < y { (y, x) } else { (x, y) };
-    // not a number is in no range, and goes the other way
+    // NaN is in no range, and takes the fallback
     if !(large < 1e100 && small > 1e-100 && small > 1e-15 * large) {
         return libm::hypot(x, y);
     }
-    // a square, and what it lacks to the exact one
+    // a square, and its rounding error
     let square = |x: f64| (x * x, x.mul_add(x, -(x * x)));
     let ((large, large_rest), (small, small_rest)) = (square(large), square(small));
     (small_rest + large_rest + small + large).sqrt()
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn a_length_has_the_bits_of_the_library() {
-        // directions all round, and one side smaller and smaller until it counts no more, is zero, or no number
+        // all directions, and one side decreasing until it is negligible or zero, or NaN
         let mut sides = vec![0.0, f64::MIN_POSITIVE, 1e-310, f64::MAX, f64::INFINITY, f64::NAN];
         let mut side = 1.0_f64;
         while side > 1e-120 {

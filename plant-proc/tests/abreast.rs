@@ -1,4 +1,4 @@
-//! Plants side by side: random ones, in random company, each against itself alone.
+//! SIMD stepping of plants: random plants in random groups, each compared with itself stepped alone.
 
 mod common;
 
@@ -8,7 +8,7 @@ use lockstep::participant::Stride;
 use lockstep::random::Stream;
 use toml::{Table, Value};
 
-/// The close capture from a random state, with a random target, and seldom with something by which the plant goes alone.
+/// The close capture from a random state, with a random target, and occasionally with an option that prevents grouping.
 fn drawn(number: u64) -> Table {
     let mut scenario = load("close");
     let mut draws = 0_u64;

@@ -1,4 +1,4 @@
-//! The stock captures against the figures of an independent simulation of the same baseline, and the books of every scenario.
+//! The stock captures against results of an independent simulation of the same baseline, and the conservation ledger of every scenario.
 
 mod common;
 
@@ -17,7 +17,7 @@ fn at_grasp(tape: &Tape, t: f64) -> [f64; 3] {
 
 #[test]
 fn the_close_capture_agrees_with_the_independent_simulation() {
-    // with the gains that it has: those before any synthesis
+    // with the baseline's gains: those before any synthesis
     let tape = run(&load("close-start-gains"));
     let [position, attitude, _] = at_grasp(&tape, 30.0);
     // 0.10 mm, 0.002 deg, 0.074 N m, 0.92 N, to the digits given
@@ -29,12 +29,12 @@ fn the_close_capture_agrees_with_the_independent_simulation() {
     );
     assert!((torque - 0.074).abs() < 0.0005, "{torque}");
     assert!((force - 0.92).abs() < 0.005, "{force}");
-    // what was commanded is what was made: no actuator saturates
+    // applied equals commanded: no actuator saturates
     assert_eq!(torque, tape.peak("plant.truth", "wheel_torque_B"));
     assert_eq!(force, tape.peak("plant.truth", "thruster_force_B"));
 }
 
-/// Tuned gains ask for the same peaks, because the model's feed-forward makes them, and capture as well.
+/// Tuned gains demand the same peaks, because these come from the model feed-forward, and capture as well.
 #[test]
 fn tuned_gains_capture_as_the_start_gains_do() {
     for (tuned, start, grasp) in [("close", "close-start-gains", 30.0), ("far", "far-start-gains", 55.0)] {
@@ -98,7 +98,7 @@ fn after_the_grasp_the_stack_comes_to_rest_and_no_momentum_is_lost() {
     }
     let rest = tape.at("controller.telemetry", "time_to_rest", 0, 89.99);
     assert!(rest > 0.0, "{rest}");
-    // from the grasp on end effector and grasp frame are one
+    // from the grasp on end effector and grasp frame coincide
     let before = tape.at("plant.truth", "position_error", 0, 30.0);
     let after = tape.at("plant.truth", "position_error", 0, 90.0);
     assert!((before - after).abs() < 1e-12, "{before} {after}");

@@ -1,4 +1,4 @@
-//! The grasp and the failures of actuators: what they must conserve.
+//! Conservation laws at the grasp and under actuator faults.
 
 mod common;
 
@@ -31,7 +31,7 @@ fn residuals(tape: &Tape) -> f64 {
 
 #[test]
 fn a_hard_grasp_conserves_momentum_and_loses_energy() {
-    // the gripper closes on a target that passes by at 0.2 m/s, turning fast
+    // the gripper closes on a target that passes at 0.2 m/s with a high spin rate
     let tape = short(
         "0.3 s",
         "after_grasp = { at = '0.1 s', within = '10 m', within_angle = '180 deg' }\n\
@@ -39,14 +39,14 @@ fn a_hard_grasp_conserves_momentum_and_loses_energy() {
     );
     assert_eq!(tape.at("plant.truth", "grasped", 0, 0.1), 0.0);
     assert_eq!(tape.at("plant.truth", "grasped", 0, 0.101), 1.0);
-    // a plastic impact loses energy, and no more than there was
+    // a plastic impact loses energy, but no more than was available
     let (loss, before) = (
         tape.at("plant.truth", "impact_loss", 0, 0.3),
         tape.at("plant.truth", "energy", 0, 0.1),
     );
     assert!(loss > 1e-3 * before && loss < before, "{loss} of {before}");
     assert!(residuals(&tape) < 1e-8, "{:e}", residuals(&tape));
-    // held for good: the distance of end effector and grasp frame does not change any more
+    // rigidly held: the distance between end effector and grasp frame stays constant
     let distance = |t| tape.at("plant.truth", "position_error", 0, t);
     assert!((distance(0.101) - distance(0.3)).abs() < 1e-9);
     assert!(tape.at("plant.truth", "relative_rate", 0, 0.2) < 1e-12);
@@ -75,7 +75,7 @@ fn failures_act_in_their_window_and_on_their_actuator() {
     );
     let made = |axis, t| tape.at("plant.truth", "wheel_torque_B", axis, t);
     let asked = |axis, t| tape.at("controller.command", "torque_B", axis, t);
-    // the truth stamped t holds what was done over the period that ended there, with the command of the last 10 ms
+    // the truth stamped t holds the forces over the period that ends at t, with the command of the last 10 ms
     for (t, factor) in [(2.5, 1.0), (3.5, 0.5), (4.5, 1.0)] {
         assert_eq!(made(1, t), factor * asked(1, t - 0.01), "{t}");
         assert_eq!(made(0, t), asked(0, t - 0.01), "{t}");
@@ -100,8 +100,8 @@ fn wheels_conserve_momentum_with_and_without_their_gyroscopic_torque() {
     }
 }
 
-/// What compensates the gyroscopic torque is stored in the wheels like any other: without a command, 11 and 11 N m s on a base that turns
-/// at 1 deg/s would become 15.5 N m s about one axis.
+/// The compensating torque changes the wheels' momentum like any other: without a command, 11 and 11 N m s on a base that turns at 1 deg/s
+/// would become 15.5 N m s about one axis.
 #[test]
 fn wheels_hold_their_momentum_limit_while_they_compensate() {
     for (start_momentum, rate) in [
@@ -117,7 +117,7 @@ fn wheels_hold_their_momentum_limit_while_they_compensate() {
         assert!(peak > 12.0 - 1e-6, "the wheels fill: {peak}");
         assert!(peak < 12.0 + 1e-6, "{peak}");
         assert!(residuals(&tape) < 1e-8, "{:e}", residuals(&tape));
-        // while no wheel is full the base does not feel them; then it does
+        // the wheels' gyroscopic torque acts on the base only once a wheel is saturated
         let rate = |t| [0, 1, 2].map(|axis| tape.at("plant.truth", "omega_NB_B", axis, t));
         assert!(
             rate(0.0).iter().zip(rate(60.0)).any(|(a, b)| (a - b).abs() > 1e-3),
@@ -212,7 +212,7 @@ fn a_spherical_pendulum_keeps_its_books_through_swings_grasps_and_brakes() {
     assert!(tape.at("plant.truth", "impact_loss", 0, 6.0) > 1e-3);
     assert!(residuals(&tape) < 1e-8, "{:e}", residuals(&tape));
     assert!(tape.peak("plant.truth", "slosh_swing") > 1.6);
-    // the direction stays a direction
+    // the direction keeps unit length
     for t in [0.0, 1.0, 5.0, 6.0] {
         let parts = [0, 1, 2].map(|axis| tape.at("plant.truth", "slosh_direction_B", axis, t));
         let length = parts.iter().map(|part| part * part).sum::<f64>();
@@ -229,7 +229,7 @@ fn both_pendulums_swing_alike_while_the_swing_is_small() {
     for t in [2.0, 4.0, 6.0, 8.0] {
         for axis in 0..2 {
             let [a, b] = [&hinged, &spherical].map(|tape| tape.at("plant.truth", "slosh", axis, t));
-            // to second order in the angle, and with the bob's inertia about its rod besides
+            // differs to second order in the angle, and by the bob's inertia about its rod
             assert!((a - b).abs() < 0.1 * swing * swing, "{t} s, {axis}: {a} {b}");
         }
     }

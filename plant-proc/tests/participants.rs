@@ -1,4 +1,4 @@
-//! What every stock participant promises: no allocation in a step, and a state that is complete.
+//! Guarantees of every stock participant: no allocation in a step, and a complete saved state.
 
 mod common;
 
@@ -63,7 +63,7 @@ impl World {
             let plant = scenario["participants"]["plant"]["parameters"].as_table_mut().unwrap();
             plant.insert("slosh".into(), "spherical".into());
         }
-        // early, so that a short run sees it
+        // early, so that it falls within a short run
         if let Some(after) = scenario["participants"]["plant"]["parameters"].get_mut("after_grasp") {
             after["at"] = "0.15 s".into();
             after["within"] = "10 m".into();

@@ -352,7 +352,7 @@ class Diary(esc.Participant):
         self.log(f"ends, {self.termination}, at page {self.number}")
 '''
 
-# As in tests/tests/diaries.rs, which covers the other languages.
+# As in tests/tests/participant_logs.rs, which covers the other languages.
 DIARIES = """
 duration = "50 ms"
 [participants.first]

@@ -1,4 +1,4 @@
-//! What goes beyond the paper: off unless the scenario asks for it.
+//! Parameters of extensions beyond the paper: each off unless the scenario configures it.
 
 use control_laws::allocation::AllocationParameters;
 use control_laws::avoidance::{AvoidanceParameters, Elbow};
@@ -15,22 +15,22 @@ use serde::Deserialize;
 
 use super::channels;
 
-/// Avoidance of joint ends and of the straight elbow in the null space. The ends are those of the URDF.
+/// Null-space avoidance of joint limits and of the straight elbow. The limits are those of the URDF.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Avoidance {
-    /// Distance from an end at which a joint is turned back.
+    /// Distance from a limit at which avoidance starts.
     #[serde(default = "margin")]
     pub margin: Quantity<Angle>,
-    /// Rate asked of a joint at the end of its range.
+    /// Rate commanded to a joint at its limit.
     #[serde(default = "rate")]
     pub rate: Quantity<AngularRate>,
-    /// The elbow's joint, if its straight position is to be avoided as well.
+    /// Name of the elbow joint, if its straight position is also to be avoided.
     pub elbow: Option<String>,
-    /// Angle below which the elbow is asked to bend.
+    /// Angle below which the elbow is commanded to bend.
     #[serde(default = "margin")]
     pub elbow_margin: Quantity<Angle>,
-    /// Rate asked at the straight position.
+    /// Rate commanded at the straight position.
     #[serde(default = "rate")]
     pub elbow_rate: Quantity<AngularRate>,
 }
@@ -44,10 +44,10 @@ const fn rate() -> Quantity<AngularRate> {
 }
 
 impl Avoidance {
-    /// For the law, with the ends of the joints of `arm` in the URDF.
+    /// Parameters of the law, with the limits of the joints of `arm` from the URDF.
     ///
     /// # Errors
-    /// When a joint has no ends there, or there is no such elbow.
+    /// When a joint has no limits there, or there is no such elbow joint.
     pub fn law(&self, urdf: &str, arm: &Arm) -> Result<AvoidanceParameters, ParameterError> {
         let description = Description::read_urdf(urdf, UrdfOptions { allow_unphysical: true })
             .map_err(|error| ParameterError::new("urdf", error))?
@@ -85,7 +85,7 @@ impl Avoidance {
     }
 }
 
-/// Sharing of the base's torque between wheels and thruster couples.
+/// Allocation of the base's torque to wheels and thruster couples.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Allocation {
@@ -97,14 +97,14 @@ pub struct Allocation {
     pub thruster_force: Each<Force, 3>,
     /// Lever arm of the couples about each axis.
     pub lever_arm: Each<Length, 3>,
-    /// Rate at which momentum above the threshold is shed.
+    /// Rate at which momentum above the threshold is unloaded.
     pub unload_rate: Quantity<PerTime>,
-    /// Momentum that is left alone.
+    /// Threshold of momentum below which nothing is unloaded.
     pub unload_above: Quantity<AngularMomentum>,
 }
 
 impl Default for Allocation {
-    /// The stock actuators, unloading at half of the wheels' momentum.
+    /// The stock actuators, unloading above half of the wheels' momentum limit.
     fn default() -> Self {
         Self {
             wheel_torque: Each::of([0.2; 3]),
@@ -118,7 +118,7 @@ impl Default for Allocation {
 }
 
 impl Allocation {
-    /// For the law.
+    /// Parameters of the law.
     pub fn law(&self) -> AllocationParameters {
         AllocationParameters {
             wheel_torque_nm: self.wheel_torque.si().into(),
@@ -136,11 +136,11 @@ impl Allocation {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Stabilise {
-    /// Rate at which the base's rotation dies out where no limit is in the way.
+    /// Decay rate of the base's rotation while no limit is active.
     pub rotation: Quantity<PerTime>,
-    /// Rate at which the base's translation dies out; zero leaves it.
+    /// Decay rate of the base's translation; zero leaves the translation uncontrolled.
     pub translation: Quantity<PerTime>,
-    /// Rate at which the joints come to rest.
+    /// Decay rate of the joint rates.
     pub joints: Quantity<PerTime>,
     /// Limit of the torque on the base.
     pub torque: Each<Torque, 3>,
@@ -152,17 +152,17 @@ pub struct Stabilise {
     pub gripper_force: Quantity<Force>,
     /// Limit of the torque in the gripper.
     pub gripper_torque: Quantity<Torque>,
-    /// What the wheels can store.
+    /// Momentum that the wheels can store.
     pub wheel_momentum: Each<AngularMomentum, 3>,
-    /// Below this an angular rate counts as rest.
+    /// Threshold below which an angular rate counts as rest.
     pub rest_rate: Quantity<AngularRate>,
-    /// Below this a velocity counts as rest.
+    /// Threshold below which a velocity counts as rest.
     pub rest_speed: Quantity<Speed>,
 }
 
 impl Default for Stabilise {
-    /// A tenth of the rates a second, the limits of the stock actuators, 50 N and 20 N m in the gripper; at rest below
-    /// 0.01 deg/s and 1 mm/s.
+    /// Decay rates of 0.1 1/s, the limits of the stock actuators, 50 N and 20 N m in the gripper; at rest below 0.01 deg/s and
+    /// 1 mm/s.
     fn default() -> Self {
         Self {
             rotation: Quantity::of(0.1),
@@ -181,7 +181,7 @@ impl Default for Stabilise {
 }
 
 impl Stabilise {
-    /// For the law.
+    /// Parameters of the law.
     pub fn law(&self, allocation: Option<&Allocation>) -> stabilise::Parameters {
         stabilise::Parameters {
             rotation_1_s: self.rotation.si(),

@@ -1,4 +1,4 @@
-//! Gains of the inner loop, as a file holds them.
+//! Gains of the inner loop as given in a file.
 
 use control_laws::inner::{FeedbackLaw, Gains};
 use control_laws::{Dof, Matrix13};
@@ -24,11 +24,11 @@ pub struct GainsFile {
     pub kp: Option<Kp>,
     /// Diagonal of K_I.
     pub ki: Option<Ki>,
-    /// Full K_P, row by row, SI units: rows make N m, N and N m, columns take rad/s, m/s and rad/s.
+    /// Full K_P, row by row, SI units: rows give N m, N and N m, columns take rad/s, m/s and rad/s.
     pub kp_matrix: Option<[[f64; 13]; 13]>,
     /// Full K_I, row by row, SI units: columns take rad, m and rad.
     pub ki_matrix: Option<[[f64; 13]; 13]>,
-    // What else a file of tuned gains has: read by `escapement margins` and `escapement check`.
+    // Other tables of a tuned-gains file: read by `escapement margins` and `escapement check`.
     #[serde(rename = "provenance")]
     _provenance: Option<IgnoredAny>,
     #[serde(rename = "models")]
@@ -85,7 +85,7 @@ pub enum StructureName {
     Diagonal,
     /// Blocks of base rotation, base translation and arm.
     Block,
-    /// One matrix.
+    /// Full matrix.
     Full,
     /// `K_P(q) = M(q)^½ X M(q)^½`.
     Scheduled,

@@ -1,4 +1,4 @@
-//! What a scenario may say about the controller. Every default is the paper's, or where it is silent the baseline's.
+//! Controller parameters of a scenario. Every default is the paper's, or the baseline's where the paper gives none.
 
 mod beyond;
 mod channels;
@@ -30,19 +30,19 @@ pub use model::{Model, build};
 pub struct Parameters {
     /// The mechanism, as URDF text.
     pub urdf: String,
-    /// What the URDF cannot say.
+    /// Servicer data that a URDF cannot express.
     pub servicer: Servicer,
-    /// The target: what the end effector carries after the grasp. Only for `stabilise`.
+    /// The target, carried by the end effector after the grasp. Only for `stabilise`.
     pub target: Option<Target>,
-    /// Which law.
+    /// Control law.
     #[serde(default)]
     pub law: LawName,
-    /// What is followed between two samples of the guidance.
+    /// Set-point handling between two samples of the guidance.
     #[serde(default)]
     pub between: BetweenName,
     /// Gains of the inner loop.
     pub gains: GainsFile,
-    /// What the law believes of the servicer.
+    /// Control model of the servicer.
     #[serde(default)]
     pub model: Model,
     /// The outer loop.
@@ -54,36 +54,36 @@ pub struct Parameters {
     /// The inner loop.
     #[serde(default)]
     pub inner: Inner,
-    /// The comparison law's own numbers.
+    /// Parameters specific to the comparison law.
     #[serde(default)]
     pub reference: Reference,
-    /// Avoidance of joint ends and of the straight elbow; off unless given.
+    /// Avoidance of joint limits and of the straight elbow; off by default.
     pub avoidance: Option<Avoidance>,
-    /// Sharing of the base's torque between wheels and thrusters; off unless given.
+    /// Allocation of the base's torque to wheels and thrusters; off by default.
     pub allocation: Option<Allocation>,
-    /// Stabilisation of the stack after the grasp; off unless given.
+    /// Stabilisation of the stack after the grasp; off by default.
     pub stabilise: Option<Stabilise>,
 }
 
-/// Which law.
+/// Control law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LawName {
     /// The two-level law of the paper.
     #[default]
     Hierarchical,
-    /// The stand-in for the combined base and arm law it is compared with.
+    /// The comparison law: a stand-in for the combined base and arm law.
     Reference,
 }
 
-/// What is followed between two samples of the guidance.
+/// Set-point handling between two samples of the guidance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BetweenName {
-    /// The last set-point, moved on with the velocities it came with.
+    /// The last set-point, extrapolated with its own velocities.
     #[default]
     Propagate,
-    /// The last set-point as it came.
+    /// The last set-point, held.
     Hold,
 }
 
@@ -91,7 +91,7 @@ pub enum BetweenName {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Outer {
-    /// How the attitude error is measured.
+    /// Definition of the attitude error.
     pub attitude_law: AttitudeLawName,
     /// Hysteresis of the hybrid law.
     pub hysteresis: f64,
@@ -99,7 +99,7 @@ pub struct Outer {
     pub attitude_gain: Each<PerTime, 3>,
     /// Diagonal of K_pos.
     pub position_gain: Each<PerTime, 3>,
-    /// Sharing between base and arm.
+    /// Weights that share the motion between base and arm.
     pub weights: WeightsTable,
 }
 
@@ -115,7 +115,7 @@ impl Default for Outer {
     }
 }
 
-/// How the attitude error is measured.
+/// Definition of the attitude error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AttitudeLawName {
@@ -123,7 +123,7 @@ pub enum AttitudeLawName {
     Hybrid,
     /// Eq 13.
     RotationMatrix,
-    /// The quaternion without its sign law, which unwinds.
+    /// The quaternion without the sign law: subject to unwinding.
     Quaternion,
 }
 
@@ -131,19 +131,19 @@ pub enum AttitudeLawName {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct WeightsTable {
-    /// Of the base's rotation.
+    /// Weight of the base's rotation.
     pub base_rotation: f64,
-    /// Of the base's translation.
+    /// Weight of the base's translation.
     pub base_translation: f64,
-    /// Of the arm, the same everywhere; by distance unless given.
+    /// Constant weight of the arm; by distance if absent.
     pub arm_fixed: Option<f64>,
     /// Distance of the base from the target at which the arm has `near_weight`.
     pub near: Quantity<Length>,
-    /// Distance at which it has `far_weight`.
+    /// Distance at which the arm has `far_weight`.
     pub far: Quantity<Length>,
-    /// Weight of the arm near.
+    /// Weight of the arm at the near distance.
     pub near_weight: f64,
-    /// Weight of the arm far.
+    /// Weight of the arm at the far distance.
     pub far_weight: f64,
     /// Factor for each joint: 0 locks it.
     pub joint_factor: [f64; JOINTS],
@@ -175,7 +175,7 @@ pub struct Filter {
     pub frequency: Quantity<AngularRate>,
     /// Damping ratio.
     pub damping: f64,
-    /// Which velocity the inner loop follows.
+    /// Velocity that the inner loop follows.
     pub followed: FollowedName,
 }
 
@@ -189,13 +189,13 @@ impl Default for Filter {
     }
 }
 
-/// Which velocity the inner loop follows.
+/// Velocity that the inner loop follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FollowedName {
-    /// The outer loop's, as the paper.
+    /// The outer loop's velocity, as in the paper.
     Raw,
-    /// The filter's.
+    /// The filter's velocity.
     Filtered,
 }
 
@@ -203,19 +203,19 @@ pub enum FollowedName {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Inner {
-    /// Which feedback.
+    /// Feedback law.
     pub feedback: FeedbackName,
-    /// How the integral is discretised.
+    /// Discretisation of the integral.
     pub discretisation: DiscretisationName,
-    /// What bounds the feedback.
+    /// Bound of the feedback.
     pub bound: BoundName,
-    /// Bound of the feedback on the base's torque; that of the stock wheels unless given.
+    /// Bound of the feedback on the base's torque; the stock wheels' limit by default.
     pub torque_bound: Option<Each<Torque, 3>>,
-    /// Bound of the feedback on the base's force; that of the stock thrusters unless given.
+    /// Bound of the feedback on the base's force; the stock thrusters' limit by default.
     pub force_bound: Option<Each<Force, 3>>,
-    /// Bound of the feedback on the joints; that of the stock motors unless given.
+    /// Bound of the feedback on the joints; the stock motors' limit by default.
     pub joint_bound: Option<Each<Torque, JOINTS>>,
-    /// One bound for newtons and newton metres alike, in place of the three above.
+    /// One numerical bound for both N and N m, in place of the three above.
     pub scalar_bound: Option<f64>,
 }
 
@@ -269,17 +269,17 @@ impl Inner {
     }
 }
 
-/// What bounds the feedback.
+/// Bound of the feedback.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BoundName {
-    /// What the actuators have, channel by channel: the feedback alone never asks for more.
+    /// The actuator limits, channel by channel: the feedback alone never exceeds them.
     Actuators,
-    /// ‖K_S‖ of the gains, as the paper.
+    /// ‖K_S‖ of the gains, as in the paper.
     SlidingGain,
 }
 
-/// Which feedback.
+/// Feedback law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FeedbackName {
@@ -291,7 +291,7 @@ pub enum FeedbackName {
     Proportional,
 }
 
-/// How the integral is discretised.
+/// Discretisation of the integral.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DiscretisationName {
@@ -301,7 +301,7 @@ pub enum DiscretisationName {
     Euler,
 }
 
-/// The comparison law's own numbers; attitude and position gains are those of `outer`.
+/// Parameters specific to the comparison law; attitude and position gains are those of `outer`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Reference {
@@ -342,7 +342,7 @@ impl Parameters {
     /// The feedback law of the inner loop.
     ///
     /// # Errors
-    /// A bound that is given twice, or missing.
+    /// When a bound is given twice, or missing.
     pub fn feedback(&self) -> Result<FeedbackLaw, ParameterError> {
         let discretisation = match self.inner.discretisation {
             DiscretisationName::Exact => Discretisation::Exact,
@@ -376,7 +376,7 @@ impl Parameters {
         })
     }
 
-    /// For the hierarchical law.
+    /// Parameters of the hierarchical law.
     pub fn hierarchical(&self, period_s: f64) -> Result<hierarchical::Parameters, ParameterError> {
         let weights = &self.outer.weights;
         let arm = match weights.arm_fixed {
@@ -410,7 +410,7 @@ impl Parameters {
         })
     }
 
-    /// For the comparison law.
+    /// Parameters of the comparison law.
     pub fn comparison(&self, period_s: f64) -> Result<reference::Parameters, ParameterError> {
         if self.avoidance.is_some() {
             let reason = "only the hierarchical law has a null space to avoid joint ends in; leave it out";
@@ -429,8 +429,8 @@ impl Parameters {
     }
 }
 
-/// A law's refusal under the key that the scenario uses. Fields of the laws carry their units in their names, which the
-/// scenario writes with the value instead.
+/// Maps a law's parameter error to the scenario's key. Field names of the laws end in their units; in the scenario the unit
+/// is written with the value instead.
 pub fn refused(error: &control_laws::ParameterError) -> ParameterError {
     let key = match error.field {
         "outer.attitude.hysteresis" => "outer.hysteresis",

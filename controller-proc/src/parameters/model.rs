@@ -1,4 +1,4 @@
-//! What the law believes of the servicer.
+//! Control model of the servicer, with deliberate mismatch against the plant.
 
 use control_laws::model::{LinkMismatch, ModelError, Payload, Propellant};
 use control_laws::{ControlModel, ModelOptions};
@@ -8,22 +8,22 @@ use lockstep::participant::ParameterError;
 use lockstep::units::{Each, Inertia};
 use serde::Deserialize;
 
-/// The control model against the plant.
+/// Differences between the control model and the plant.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Model {
-    /// What becomes of the propellant's pendulum.
+    /// Treatment of the propellant's pendulum.
     pub propellant: PropellantName,
-    /// Rotor inertia that the law believes in; that of the servicer's file unless given.
+    /// Rotor inertia in the control model; that of the servicer's file by default.
     pub motor_inertia: Option<Each<Inertia, JOINTS>>,
     /// Factor on every mass and inertia.
     pub mass_factor: f64,
-    /// Factors on single links, on top of that.
+    /// Additional factors on single links.
     pub mismatch: Vec<Mismatch>,
 }
 
 impl Default for Model {
-    /// The plant itself with its propellant frozen.
+    /// The plant's own model with the propellant frozen.
     fn default() -> Self {
         Self {
             propellant: PropellantName::Frozen,
@@ -34,23 +34,23 @@ impl Default for Model {
     }
 }
 
-/// What becomes of the propellant's pendulum.
+/// Treatment of the propellant's pendulum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PropellantName {
-    /// A rigid lump where it hangs.
+    /// A rigid mass at the hanging position.
     Frozen,
     /// Left out.
     Ignored,
 }
 
-/// A link that the law believes to be heavier than it is.
+/// A link with a wrong mass or inertia in the control model.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mismatch {
     /// The link.
     pub link: String,
-    /// Factor on its mass, and with it on its inertia.
+    /// Factor on its mass, which also scales its inertia.
     #[serde(default = "unchanged")]
     pub mass_factor: f64,
     /// Further factor on its inertia about the centre of mass.

@@ -1,17 +1,17 @@
-//! Who makes the torque on the base: wheels, or thrusters in couples.
+//! Actuator allocation of the base torque: reaction wheels, and thruster couples.
 //!
-//! Beyond the paper, off by default. Twelve thrusters stand in four-packs, one pack an axis: two push each way, on lever arms that turn
-//! the base about the next axis but one (thrusters along y turn about x, along z about y, along x about z). So a pack makes a force `f`
-//! and a torque `m` at once as long as `|f| + |m| / arm ≤ F`. Wheel and thruster torques that cancel are the null space of the base's
-//! torque: along it stored momentum moves from the wheels to the thrusters while the base feels nothing.
+//! Beyond the paper, off by default. Twelve thrusters form four-packs, one pack per axis: two push each way, on lever arms that turn
+//! the base about the next axis but one (thrusters along y turn about x, along z about y, along x about z). So a pack gives a force `f`
+//! and a torque `m` at once as long as `|f| + |m| / arm ≤ F`. Wheel and thruster torques that cancel span the null space of the base's
+//! torque: along it the thrusters unload stored momentum from the wheels without a net torque on the base.
 
 use crate::{Dof, ParameterError};
 use nalgebra::Vector3;
 
-/// Everything a user chooses.
+/// User parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AllocationParameters {
-    /// Torque limit of the wheels, one a body axis, N m.
+    /// Torque limit of the wheels, one per body axis, N m.
     pub wheel_torque_nm: Vector3<f64>,
     /// Momentum limit of the wheels, N m s.
     pub wheel_momentum_nms: Vector3<f64>,
@@ -19,13 +19,13 @@ pub struct AllocationParameters {
     pub thruster_force_n: Vector3<f64>,
     /// Lever arm of the couples about each body axis, m. Zero: no couple about that axis.
     pub lever_arm_m: Vector3<f64>,
-    /// Rate at which stored momentum above the threshold is shed, 1/s. Zero: thrusters only help out saturated wheels.
+    /// Rate at which stored momentum above the threshold is unloaded, 1/s. Zero: thrusters only support saturated wheels.
     pub unload_rate_1_s: f64,
-    /// Stored momentum that is left alone, N m s.
+    /// Threshold of stored momentum below which nothing is unloaded, N m s.
     pub unload_above_nms: f64,
 }
 
-/// Who makes what.
+/// Result of the allocation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Allocation {
     /// Torque of the wheels on the base, base axes, N m.
@@ -36,14 +36,14 @@ pub struct Allocation {
     pub thruster_force: Vector3<f64>,
     /// Thrust of each thruster, N, none negative: for each axis the two that push along it, then the two that push against it.
     pub thrust: [f64; 12],
-    /// Torque that was asked for and that nobody can make, N m.
+    /// Commanded torque that no actuator can provide, N m.
     pub missing_torque: Vector3<f64>,
-    /// Force that was asked for and that nobody can make, N.
+    /// Commanded force that no actuator can provide, N.
     pub missing_force: Vector3<f64>,
 }
 
 impl Allocation {
-    /// The base's part of a generalised force, shared by `parameters` or, without any, directly.
+    /// Allocates the base's part of a generalised force by `parameters`, or directly if there are none.
     pub fn of(parameters: Option<&AllocationParameters>, force: &Dof, wheel_momentum: &Vector3<f64>) -> Self {
         let torque = Vector3::new(force[0], force[1], force[2]);
         let force = Vector3::new(force[3], force[4], force[5]);
@@ -53,7 +53,7 @@ impl Allocation {
         }
     }
 
-    /// The paper's: all torque from the wheels, all force from the thrusters, limits left to the actuators.
+    /// Allocation of the paper: all torque from the wheels, all force from the thrusters, limits left to the actuators.
     pub fn direct(torque: &Vector3<f64>, force: &Vector3<f64>) -> Self {
         Self {
             wheel_torque: *torque,
@@ -103,8 +103,8 @@ impl AllocationParameters {
         Ok(())
     }
 
-    /// Shares `torque` (N m) and `force` (N) on the base, with `momentum` (N m s) stored in the wheels; all in base axes. Force has
-    /// priority over torque on the thrusters.
+    /// Allocates `torque` (N m) and `force` (N) on the base, with `momentum` (N m s) stored in the wheels; all in base axes. On the
+    /// thrusters, force has priority over torque.
     pub fn share(&self, torque: &Vector3<f64>, force: &Vector3<f64>, momentum: &Vector3<f64>) -> Allocation {
         let thruster_force = force.zip_map(&self.thruster_force_n, |value, limit| value.clamp(-limit, limit));
         let mut wheel_torque = Vector3::zeros();
@@ -113,14 +113,14 @@ impl AllocationParameters {
             let push = thrust_axis(axis);
             let spare = (self.thruster_force_n[push] - thruster_force[push].abs()) * self.lever_arm_m[axis];
             let (most_negative, most_positive) = self.wheel_range(axis, momentum[axis]);
-            // a wheel that turns the base forwards loses momentum: dh/dt = −torque
+            // the reaction of a torque on the base changes the wheel's momentum: dh/dt = −torque
             let shed = self.unload_rate_1_s
                 * (momentum[axis].abs() - self.unload_above_nms)
                     .max(0.0)
                     .copysign(momentum[axis]);
             let wheel = (torque[axis] + shed).clamp(most_negative, most_positive);
             let thruster = (torque[axis] - wheel).clamp(-spare, spare);
-            // what the thrusters cannot take over stays with the wheels
+            // the wheels provide the part that the thrusters cannot
             wheel_torque[axis] = (torque[axis] - thruster).clamp(most_negative, most_positive);
             thruster_torque[axis] = thruster;
         }
@@ -134,7 +134,7 @@ impl AllocationParameters {
         }
     }
 
-    /// Torques a wheel can give: none that fills it further once it is full.
+    /// Range of torques that a wheel can give: none that increases its momentum once it is saturated.
     fn wheel_range(&self, axis: usize, momentum: f64) -> (f64, f64) {
         let (torque, full) = (self.wheel_torque_nm[axis], self.wheel_momentum_nms[axis]);
         let most_positive = if momentum <= -full { 0.0 } else { torque };
@@ -163,14 +163,14 @@ mod tests {
         proptest::array::uniform3(-size..size).prop_map(Vector3::from)
     }
 
-    /// Force and torque of the thrusters from where they stand and point: independent of how thrust was computed.
+    /// Force and torque of the thrusters from their positions and directions: independent of how thrust was computed.
     fn wrench(thrust: &[f64; 12], lever_arm: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let (mut force, mut torque) = (Vector3::zeros(), Vector3::zeros());
         for push in 0..3 {
             let turn = (push + 2) % 3;
             let offset = Vector3::ith((turn + 2) % 3, lever_arm[turn]);
             let direction = Vector3::ith(push, 1.0);
-            // the first of each two stands where it turns forwards
+            // the first of each two is placed where it gives a positive torque
             let side = offset.cross(&direction)[turn].signum();
             for (index, (along, forwards)) in [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)]
                 .into_iter()

@@ -1,26 +1,26 @@
-//! Avoidance of joint ends and of the straight elbow, in the null space of the end effector's Jacobian.
+//! Avoidance of joint limits and of the straight elbow, in the null space of the end effector's Jacobian.
 //!
-//! Beyond the paper, off by default. Two things happen to a joint that comes closer than a margin to an end of its range, and to the elbow
-//! when it is nearly straight. Its weight fades, to nothing at the end itself, so that the motion of the end effector passes to the
-//! other joints and to the base (the weights of the base never fade, so the end effector always gets its twist). And it is asked to turn
-//! back; the projection into the null space lets the others make up for that, and the end effector does not notice.
+//! Beyond the paper, off by default. The law acts on a joint closer than a margin to a limit of its range, and on the elbow when it is
+//! nearly straight, in two ways. The joint's weight fades to zero at the limit, so that the motion of the end effector is shifted to the
+//! other joints and to the base (the weights of the base never fade, so the end effector always attains its twist). And the joint is
+//! commanded away from the limit; the null-space projection makes the other channels compensate, so the end effector is not disturbed.
 //!
-//! The push alone would not do: with heavy arm weights the projection hands most of it back to the same joint.
+//! The commanded rate alone would not suffice: with large arm weights the projection returns most of the motion to the same joint.
 
 use crate::{Dof, JOINTS, ParameterError};
 
-/// Everything a user chooses.
+/// User parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AvoidanceParameters {
     /// Lower end of each joint's range, rad.
     pub lower_rad: [f64; JOINTS],
     /// Upper end of each joint's range, rad.
     pub upper_rad: [f64; JOINTS],
-    /// Distance from an end at which a joint starts to be turned back, rad.
+    /// Distance from a limit at which avoidance starts, rad.
     pub margin_rad: f64,
-    /// Rate asked of a joint at the end of its range, rad/s; it grows with the square of the way into the margin.
+    /// Rate commanded to a joint at its limit, rad/s; it grows with the square of the depth in the margin.
     pub rate_rad_s: f64,
-    /// The elbow, if its straight position is to be avoided as well.
+    /// The elbow, if its straight position is also to be avoided.
     pub elbow: Option<Elbow>,
 }
 
@@ -29,9 +29,9 @@ pub struct AvoidanceParameters {
 pub struct Elbow {
     /// Index of the joint, 0 for A1.
     pub joint: usize,
-    /// Angle below which the elbow is asked to bend, rad.
+    /// Angle below which the elbow is commanded to bend, rad.
     pub margin_rad: f64,
-    /// Rate asked at the straight position, rad/s.
+    /// Rate commanded at the straight position, rad/s.
     pub rate_rad_s: f64,
 }
 
@@ -58,7 +58,7 @@ impl AvoidanceParameters {
         Ok(())
     }
 
-    /// Factor on the weight of each joint: 1 away from every margin, falling to 0 at the end of the range and at the straight elbow.
+    /// Factor on the weight of each joint: 1 outside every margin, falling to 0 at the limit of the range and at the straight elbow.
     pub fn fading(&self, joints: &[f64; JOINTS]) -> [f64; JOINTS] {
         std::array::from_fn(|joint| {
             let above = depth(self.upper_rad[joint] - joints[joint], self.margin_rad);
@@ -71,7 +71,7 @@ impl AvoidanceParameters {
         })
     }
 
-    /// The velocity that would turn the joints back, before its projection into the null space; zero away from every margin.
+    /// The avoidance velocity before its projection into the null space; zero outside every margin.
     pub fn wish(&self, joints: &[f64; JOINTS]) -> Dof {
         let mut wish = Dof::zeros();
         for joint in 0..JOINTS {
@@ -89,7 +89,7 @@ impl AvoidanceParameters {
     }
 }
 
-/// How deep in the margin: 0 at its edge, 1 where `distance` is zero, and no more than 2 beyond.
+/// Depth in the margin: 0 at its edge, 1 where `distance` is zero, and at most 2 beyond.
 fn depth(distance: f64, margin: f64) -> f64 {
     ((margin - distance) / margin).clamp(0.0, 2.0)
 }

@@ -1,12 +1,13 @@
-//! Command-shaping filter: second order, exact for an input held over a period.
+//! Command-shaping filter: second order, discretised exactly for a zero-order hold.
 //!
 //! `ẍ = ω² (u − x) − 2 ξ ω ẋ` on every channel. It turns the virtual velocity of the outer loop into a virtual acceleration `ẋ` that the
-//! inner loop can feed forward (Eq 5). It differentiates, so noise on its input comes out amplified: noise belongs through navigation.
+//! inner loop can feed forward (Eq 5). It differentiates, so it amplifies noise on its input: noisy measurements must pass through the
+//! navigation filter first.
 
 use crate::{Dof, ParameterError};
 use serde::{Deserialize, Serialize};
 
-/// Everything a user chooses.
+/// User parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilterParameters {
     /// Natural frequency ω, rad/s.
@@ -16,7 +17,7 @@ pub struct FilterParameters {
 }
 
 impl Default for FilterParameters {
-    /// ω = 10 rad/s and ξ = 0.9, as the paper.
+    /// ω = 10 rad/s and ξ = 0.9, as in the paper.
     fn default() -> Self {
         Self {
             frequency_rad_s: 10.0,
@@ -25,10 +26,10 @@ impl Default for FilterParameters {
     }
 }
 
-/// All that the filter remembers, as plain numbers.
+/// Complete state of the filter, as plain numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FilterState {
-    /// Whether a first input has been seen.
+    /// Whether a first input has been received.
     pub started: bool,
     /// Filtered velocity `x`, order and units of the generalised velocity.
     pub velocity: [f64; 13],
@@ -37,7 +38,7 @@ pub struct FilterState {
 }
 
 impl FilterState {
-    /// Nothing seen yet.
+    /// Initial state.
     pub const START: Self = Self {
         started: false,
         velocity: [0.0; 13],
@@ -62,7 +63,7 @@ pub struct ShapingFilter {
 }
 
 impl ShapingFilter {
-    /// A filter that has seen nothing yet, for inputs held over `period_s`.
+    /// A filter in its initial state, for inputs held over `period_s`.
     ///
     /// # Errors
     ///
@@ -77,20 +78,20 @@ impl ShapingFilter {
         })
     }
 
-    /// All that the filter remembers.
+    /// Complete state of the filter.
     pub fn state(&self) -> &FilterState {
         &self.state
     }
 
-    /// Continues from `state`, with the same bits.
+    /// Continues from `state`, bit for bit.
     pub fn restore(&mut self, state: &FilterState) {
         self.state = *state;
     }
 
-    /// Advances by a period with `input` held, and answers where that leads. The first input is where it starts from, at rest.
+    /// Advances by one period with `input` held and returns the resulting state. The first input initialises the filter, at rest.
     ///
-    /// The answer is the filter's state at the end of the coming period, not at its start: the force it goes into is held over that
-    /// period, and the other choice would add a period of lag to the feed-forward.
+    /// The returned state is that at the end of the coming period, not at its start: the force computed from it is held over that
+    /// period, and the state at the start would add one period of lag to the feed-forward.
     pub fn step(&mut self, input: &Dof) -> Filtered {
         let state = &mut self.state;
         if !state.started {

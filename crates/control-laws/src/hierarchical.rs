@@ -10,18 +10,18 @@ use guidance_laws::{Between, Pose, SetPoint};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Everything a user chooses, the control model apart.
+/// User parameters, except the control model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
     /// The outer loop.
     pub outer: OuterParameters,
     /// Shaping filter and inner loop.
     pub tracker: TrackerParameters,
-    /// What is followed between two samples of the guidance.
+    /// Set-point handling between two samples of the guidance.
     pub between: Between,
-    /// Avoidance of joint ends and of the straight elbow; `None` as the paper.
+    /// Avoidance of joint limits and of the straight elbow; `None` as in the paper.
     pub avoidance: Option<AvoidanceParameters>,
-    /// Sharing of the base torque between wheels and thrusters; `None` as the paper.
+    /// Allocation of the base torque to wheels and thrusters; `None` as in the paper.
     pub allocation: Option<AllocationParameters>,
 }
 
@@ -38,12 +38,12 @@ impl Parameters {
     }
 }
 
-/// What the law reads at an instant.
+/// Inputs of the law at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Input {
-    /// Measured state; `None` while nothing has been received: the law then commands nothing.
+    /// Measured state; `None` before the first one is received: the law then commands nothing.
     pub measured: Option<Measured>,
-    /// Set-point of the end effector; `None` while nothing has been received: the law then holds the end effector where it is.
+    /// Set-point of the end effector; `None` before the first one is received: the law then holds the end effector at its pose.
     pub set_point: Option<SetPoint>,
     /// Time since the set-point was computed, s.
     pub set_point_age_s: f64,
@@ -51,18 +51,18 @@ pub struct Input {
     pub wheel_momentum: Vector3<f64>,
 }
 
-/// What the law answers.
+/// Outputs of the law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Output {
     /// Generalised force: `[m_b; f_b; τ]`, N m, N, N m.
     pub force: Dof,
-    /// Who makes the base's part of it.
+    /// Allocation of the base's part to wheels and thrusters.
     pub allocation: Allocation,
-    /// What the law saw and thought.
+    /// Internal signals of the law.
     pub telemetry: Telemetry,
 }
 
-/// What the law saw and thought at an instant.
+/// Internal signals of the law at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Telemetry {
     /// Whether there was a set-point to follow.
@@ -77,9 +77,9 @@ pub struct Telemetry {
     pub epsilon: f64,
     /// Whether ε was held at zero.
     pub epsilon_clamped: bool,
-    /// Virtual velocity `ṽ_v`, with the avoidance in it.
+    /// Virtual velocity `ṽ_v`, avoidance included.
     pub virtual_velocity: Dof,
-    /// Part of it that avoids joint ends and the straight elbow.
+    /// Part of it due to the avoidance of joint limits and of the straight elbow.
     pub avoidance: Dof,
     /// Virtual acceleration `v̇_v`.
     pub virtual_acceleration: Dof,
@@ -95,7 +95,7 @@ pub struct Telemetry {
     pub sigma: Dof,
 }
 
-/// All that the law remembers, as plain numbers.
+/// Complete state of the law, as plain numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// The attitude error's sign and continuity.
@@ -113,11 +113,11 @@ pub struct HierarchicalLaw {
 }
 
 impl HierarchicalLaw {
-    /// A law that has seen nothing yet.
+    /// A law in its initial state.
     ///
     /// # Errors
     ///
-    /// Names the parameter that is out of range, its value and what is allowed.
+    /// Names the parameter that is out of range, its value and the allowed range.
     pub fn new(model: ControlModel, parameters: Parameters) -> Result<Self, ParameterError> {
         if let Some(avoidance) = &parameters.avoidance {
             avoidance.validated()?;
@@ -132,7 +132,7 @@ impl HierarchicalLaw {
         })
     }
 
-    /// A law that continues from `state`, with the same bits.
+    /// A law that continues from `state`, bit for bit.
     ///
     /// # Errors
     ///
@@ -143,7 +143,7 @@ impl HierarchicalLaw {
         Ok(law)
     }
 
-    /// All that the law remembers.
+    /// Complete state of the law.
     pub fn state(&self) -> State {
         State {
             attitude: *self.outer.state(),
@@ -151,7 +151,7 @@ impl HierarchicalLaw {
         }
     }
 
-    /// Continues from `state`, with the same bits.
+    /// Continues from `state`, bit for bit.
     pub fn restore(&mut self, state: &State) {
         self.outer.restore(&state.attitude);
         self.tracker.restore(&state.tracker);
@@ -167,7 +167,7 @@ impl HierarchicalLaw {
         self.tracker.model()
     }
 
-    /// The command at this instant. `None` while there is no measurement: then nothing may be commanded and nothing is remembered.
+    /// The command at this instant. `None` while there is no measurement: then nothing may be commanded and the state does not change.
     pub fn step(&mut self, input: &Input) -> Option<Output> {
         let measured = input.measured.as_ref()?;
         let end_effector = self.tracker.model().end_effector(measured);

@@ -6,11 +6,11 @@
 //! | [`outer`] | pose errors of the end effector to a virtual velocity (attitude error, weights, pseudoinverse) |
 //! | [`inner`] | velocity error to a bounded feedback force (conditional integrator, PI, P) |
 //! | [`filter`] | virtual velocity to virtual acceleration |
-//! | [`tracker`] | the two above and the model's feed-forward: virtual velocity to force |
+//! | [`tracker`] | the two above and the model feed-forward: virtual velocity to force |
 //! | [`model`] | the control model: kinematics of the end effector and the feed-forward force |
-//! | [`avoidance`] | joint ends and the straight elbow, in the null space |
-//! | [`allocation`] | the base's torque, shared between wheels and thrusters |
-//! | [`mod@reference`] | the comparison law: base and arm each with a set-point of their own |
+//! | [`avoidance`] | avoidance of joint limits and of the straight elbow, in the null space |
+//! | [`allocation`] | allocation of the base's torque to wheels and thrusters |
+//! | [`mod@reference`] | the comparison law: separate set-points for base and arm |
 //! | [`stabilise`] | after the capture: servicer and target brought to rest within every limit |
 //!
 //! # Conventions
@@ -23,8 +23,8 @@
 //!
 //! # What a law is
 //!
-//! A law is a struct built by `new` from validated parameters and advanced by `step`. It knows no process, file, clock or log and allocates
-//! nothing in a step. All that it remembers is in `state()`, plain arrays; `from_state` continues with the same bits. All matrices have
+//! A law is a struct built by `new` from validated parameters and advanced by `step`. It uses no process, file, clock or log, and `step`
+//! does not allocate. Its complete state is returned by `state()` as plain arrays; `from_state` continues bit for bit. All matrices have
 //! static sizes and sines come from `libm`, so the same inputs give the same bits on every machine.
 #![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
 

@@ -1,4 +1,4 @@
-//! What a law knows about the servicer at an instant.
+//! Measured state of the servicer at an instant.
 
 use crate::{DOF, Dof, JOINTS};
 use guidance_laws::Pose;
@@ -15,8 +15,8 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// A state from plain numbers (m; quaternion scalar first; rad; generalised velocity). `None` for a message that nobody sent yet,
-    /// which is all zeros: a quaternion of zeros is no attitude.
+    /// A state from plain numbers (m; quaternion scalar first; rad; generalised velocity). `None` for a message of zeros, which means that
+    /// nothing has been received yet: a quaternion of zeros is no attitude.
     pub fn from_raw(
         position: [f64; 3],
         attitude_wxyz: [f64; 4],

@@ -1,8 +1,8 @@
-//! The control model: what a law believes the servicer to be.
+//! The control model: the rigid-body model of the servicer that a law uses.
 //!
-//! Thirteen degrees of freedom: a floating base and the joints of the arm. The propellant is either a lump welded to the base where its
-//! pendulum hangs, or left out. Masses and inertias can be scaled against the description, because robustness against exactly that is what
-//! the hierarchical law claims.
+//! Thirteen degrees of freedom: a floating base and the joints of the arm. The propellant is either a rigid mass welded to the base at the
+//! pendulum's hanging position, or left out. Masses and inertias can be scaled relative to the description, because the hierarchical law
+//! claims robustness against exactly such errors.
 
 use crate::{Dof, JOINTS, Jacobian, Matrix13, Measured};
 use guidance_laws::{Pose, so3};
@@ -10,22 +10,22 @@ use multibody::{Description, FrameId, Inertia, Joint, JointKind, Link, Placement
 use nalgebra::{Rotation3, SVector, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-/// What becomes of the joints that are not the arm's.
+/// Treatment of the joints that do not belong to the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Propellant {
-    /// They are welded at angle zero: the pendulum is a lump at its hanging position.
+    /// They are welded at angle zero: the pendulum is a rigid mass at its hanging position.
     #[default]
     Frozen,
-    /// Whatever hangs on them is left out.
+    /// The links that they carry are left out.
     Ignored,
 }
 
-/// How much heavier a link is believed to be than the description says.
+/// Mass and inertia of a link in the control model relative to the description.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkMismatch {
     /// The link.
     pub link: String,
-    /// Factor on its mass, and with it on its inertia.
+    /// Factor on its mass, which also scales its inertia.
     pub mass_factor: f64,
     /// Further factor on its inertia about the centre of mass.
     pub inertia_factor: f64,
@@ -40,20 +40,20 @@ pub struct Payload {
     pub inertia: Inertia,
 }
 
-/// Everything a user chooses about the control model.
+/// User options of the control model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelOptions {
     /// Names of the arm's joints, in the order of the generalised velocity.
     pub arm_joints: [String; JOINTS],
     /// Name of the link that is the end effector's frame.
     pub end_effector: String,
-    /// What becomes of the joints that are not the arm's.
+    /// Treatment of the joints that do not belong to the arm.
     pub propellant: Propellant,
-    /// Reflected rotor inertia of each joint, kg m²; it replaces what the description has.
+    /// Reflected rotor inertia of each joint, kg m²; it replaces the description's.
     pub motor_inertia_kg_m2: [f64; JOINTS],
     /// Factor on every mass and inertia.
     pub mass_factor: f64,
-    /// Factors on single links, on top of that.
+    /// Additional factors on single links.
     pub mismatch: Vec<LinkMismatch>,
     /// A body welded to the end effector.
     pub payload: Option<Payload>,
@@ -80,7 +80,7 @@ pub enum ModelError {
     /// A name or a value does not fit the description.
     #[error("control model: {0}")]
     Edit(#[from] multibody::EditError),
-    /// What is left is not a mechanism of seven joints on a floating base.
+    /// The remaining mechanism does not have seven joints on a floating base.
     #[error("control model: {0}")]
     Tree(#[from] multibody::TreeError),
     /// There is no such end effector.
@@ -89,9 +89,9 @@ pub enum ModelError {
     /// There is no such joint.
     #[error("control model: arm_joints: there is no moving joint `{joint}`; there are: {known}")]
     NoSuchJoint {
-        /// The joint asked for.
+        /// The requested joint.
         joint: String,
-        /// The joints there are.
+        /// The existing joints.
         known: String,
     },
     /// The joints are in another order.
@@ -99,12 +99,12 @@ pub enum ModelError {
         "control model: arm_joints = {asked:?}, but the description has them as {found:?}; name them in that order"
     )]
     JointOrder {
-        /// The order asked for.
+        /// The requested order.
         asked: Vec<String>,
         /// The order of the description.
         found: Vec<String>,
     },
-    /// A rotor inertia is not a finite number, zero or above.
+    /// A rotor inertia is negative or not finite.
     #[error("control model: motor_inertia_kg_m2 of `{joint}` = {value}: must be a finite number, zero or above")]
     MotorInertia {
         /// The joint.
@@ -157,7 +157,7 @@ impl ControlModel {
         for ((joint, _), branch) in others.iter().zip(&branches) {
             match options.propellant {
                 Propellant::Frozen => description.freeze(joint, 0.0)?,
-                // a branch below one that is gone already is gone with it
+                // a branch below one that is already removed is removed with it
                 Propellant::Ignored if description.links.iter().any(|link| link.name == *branch) => {
                     description.remove_branch(branch)?
                 }
@@ -235,7 +235,7 @@ impl ControlModel {
             .mass_coriolis_product(&joints, &Dof::zeros(), &measured.velocity, &Dof::zeros())
     }
 
-    /// Centre of mass of the whole from B's origin, base axes, m.
+    /// Centre of mass of the servicer from B's origin, base axes, m.
     pub fn centre_of_mass(&self, measured: &Measured) -> Vector3<f64> {
         let kinematics = self
             .tree
@@ -244,7 +244,7 @@ impl ControlModel {
     }
 }
 
-/// Adds the payload as a link of its own. A missing end effector is found out when its frame is looked up.
+/// Adds the payload as a separate link. A missing end effector is detected when its frame is looked up.
 fn weld(description: &mut Description, end_effector: &str, payload: &Payload) {
     let Some(parent) = description.links.iter().position(|link| link.name == end_effector) else {
         return;

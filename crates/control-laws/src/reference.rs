@@ -1,13 +1,13 @@
-//! The comparison law: base and arm are inputs of one plant, and each has a set-point of its own.
+//! The comparison law: combined control of base and arm, with a separate set-point for each.
 //!
-//! A **stand-in** for an unpublished design, and to be called one wherever it appears: the combined base and arm control of Pavanello et
-//! al. (2021) is the comparison of the paper, but its numbers are not public. The base follows its set-point (position gain 0.3 1/s,
-//! attitude gain as the end effector's); the arm gives, by damped least squares, what is then left of the end effector's twist.
+//! A **stand-in** for an unpublished design, and to be named as such wherever it appears: the paper compares with the combined base and
+//! arm control of Pavanello et al. (2021), but that design's numbers are not public. The base follows its set-point (position gain
+//! 0.3 1/s, attitude gain as the end effector's); the arm provides the remaining twist of the end effector by damped least squares.
 //! Shaping filter, inner loop and model are those of the hierarchical law, so that only the sharing between base and arm differs.
 //!
-//! What it shows: with the base's set-point tied to a nominal start, a servicer that starts elsewhere is asked for a jump. The force
-//! that answers it passes beside the centre of mass of the whole and the wheels have to react: they saturate. With a path planned from
-//! the true start they do not. The stale set-point is what hurts, not the sharing.
+//! Result: with the base's set-point tied to a nominal start, a servicer that starts elsewhere receives a step command. The line of action
+//! of the resulting force does not pass through the centre of mass of the servicer, so the wheels must compensate a torque, and saturate.
+//! With a path planned from the true start they do not. The cause is the stale set-point, not the sharing.
 
 use crate::allocation::{Allocation, AllocationParameters};
 use crate::model::ControlModel;
@@ -18,10 +18,10 @@ use guidance_laws::{Between, Pose, SetPoint};
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Everything a user chooses, the control model apart.
+/// User parameters, except the control model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
-    /// How both attitude errors are measured.
+    /// Definition of both attitude errors.
     pub attitude: AttitudeLaw,
     /// Diagonal of the attitude gain of the end effector and of the base, 1/s.
     pub attitude_gain: Vector3<f64>,
@@ -33,15 +33,15 @@ pub struct Parameters {
     pub least_squares_damping: f64,
     /// Shaping filter and inner loop.
     pub tracker: TrackerParameters,
-    /// What is followed between two samples of the guidance.
+    /// Set-point handling between two samples of the guidance.
     pub between: Between,
-    /// Sharing of the base torque between wheels and thrusters; `None` as the paper.
+    /// Allocation of the base torque to wheels and thrusters; `None` as in the paper.
     pub allocation: Option<AllocationParameters>,
 }
 
 impl Parameters {
-    /// Gains of the end effector as the hierarchical law's, 0.3 1/s for the base's position, and a damping of 0.01 that only matters
-    /// next to a singularity (chosen).
+    /// Gains of the end effector as in the hierarchical law, 0.3 1/s for the base's position, and a damping of 0.01 that only matters
+    /// near a singularity (chosen).
     pub fn new(tracker: TrackerParameters) -> Self {
         let OuterParameters {
             attitude,
@@ -62,14 +62,14 @@ impl Parameters {
     }
 }
 
-/// What the law reads at an instant.
+/// Inputs of the law at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Input {
-    /// Measured state; `None` while nothing has been received: the law then commands nothing.
+    /// Measured state; `None` before the first one is received: the law then commands nothing.
     pub measured: Option<Measured>,
-    /// Set-point of the end effector; `None` while nothing has been received: it then stays where it is.
+    /// Set-point of the end effector; `None` before the first one is received: the end effector then holds its pose.
     pub end_effector: Option<SetPoint>,
-    /// Set-point of the base; `None` while nothing has been received: it then stays where it is.
+    /// Set-point of the base; `None` before the first one is received: the base then holds its pose.
     pub base: Option<SetPoint>,
     /// Time since the set-points were computed, s.
     pub set_point_age_s: f64,
@@ -77,18 +77,18 @@ pub struct Input {
     pub wheel_momentum: Vector3<f64>,
 }
 
-/// What the law answers.
+/// Outputs of the law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Output {
     /// Generalised force: `[m_b; f_b; τ]`, N m, N, N m.
     pub force: Dof,
-    /// Who makes the base's part of it.
+    /// Allocation of the base's part to wheels and thrusters.
     pub allocation: Allocation,
-    /// What the law saw and thought.
+    /// Internal signals of the law.
     pub telemetry: Telemetry,
 }
 
-/// What the law saw and thought at an instant.
+/// Internal signals of the law at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Telemetry {
     /// Pose of the end effector by the control model.
@@ -115,12 +115,12 @@ pub struct Telemetry {
     pub sigma: Dof,
 }
 
-/// All that the law remembers, as plain numbers.
+/// Complete state of the law, as plain numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// The end effector's attitude error.
+    /// State of the end effector's attitude error.
     pub end_effector: AttitudeState,
-    /// The base's attitude error.
+    /// State of the base's attitude error.
     pub base: AttitudeState,
     /// Shaping filter and integral.
     pub tracker: TrackerState,
@@ -135,7 +135,7 @@ pub struct ReferenceLaw {
     tracker: Tracker,
 }
 
-/// A frame's errors and the twist, in the frame's own axes, that removes them.
+/// Errors of a frame and the corrective twist, in the frame's axes.
 struct Following {
     position_error: Vector3<f64>,
     attitude_error: AttitudeError,
@@ -143,11 +143,11 @@ struct Following {
 }
 
 impl ReferenceLaw {
-    /// A law that has seen nothing yet.
+    /// A law in its initial state.
     ///
     /// # Errors
     ///
-    /// Names the parameter that is out of range, its value and what is allowed.
+    /// Names the parameter that is out of range, its value and the allowed range.
     pub fn new(model: ControlModel, parameters: Parameters) -> Result<Self, ParameterError> {
         parameters.attitude.validated()?;
         for axis in 0..3 {
@@ -167,7 +167,7 @@ impl ReferenceLaw {
         })
     }
 
-    /// A law that continues from `state`, with the same bits.
+    /// A law that continues from `state`, bit for bit.
     ///
     /// # Errors
     ///
@@ -178,7 +178,7 @@ impl ReferenceLaw {
         Ok(law)
     }
 
-    /// All that the law remembers.
+    /// Complete state of the law.
     pub fn state(&self) -> State {
         State {
             end_effector: self.end_effector,
@@ -187,7 +187,7 @@ impl ReferenceLaw {
         }
     }
 
-    /// Continues from `state`, with the same bits.
+    /// Continues from `state`, bit for bit.
     pub fn restore(&mut self, state: &State) {
         self.end_effector = state.end_effector;
         self.base = state.base;
@@ -275,7 +275,7 @@ fn follow(
     }
 }
 
-/// Joint rates `J_aᵀ (J_a J_aᵀ + λ² I)⁻¹ t`: the twist as far as the arm can without rates that grow at a singularity.
+/// Joint rates `J_aᵀ (J_a J_aᵀ + λ² I)⁻¹ t`: the closest twist that the arm attains with rates that stay bounded at a singularity.
 fn damped_least_squares(jacobian: &Jacobian, twist: &Twist, damping: f64) -> SVector<f64, JOINTS> {
     let arm: SMatrix<f64, 6, JOINTS> = jacobian.fixed_columns::<JOINTS>(6).into_owned();
     let gram: Matrix6<f64> = arm * arm.transpose() + Matrix6::identity() * (damping * damping);

@@ -1,13 +1,13 @@
-//! Stabilisation after the capture: servicer, arm and captured target are brought to rest without asking anybody for more than there is.
+//! Stabilisation after the capture: servicer, arm and captured target are brought to rest within all actuator and gripper limits.
 //!
-//! The paper names this as future work; the law is ours. The model is that of the whole stack, the target welded to the end effector
-//! ([`crate::model::Payload`]). Every rate is asked to die out at its group's rate, `ν̇_d = −α Λ ν`, and one factor `α` in [0, 1] scales the
-//! whole so that the command `u = α M(−Λ ν) + C ν` and the wrench in the gripper stay within their limits. Both are affine in `α`, so the
-//! largest admissible `α` is found in closed form. With equal rates the kinetic energy falls as `dE/dt = −2 α λ E`. A common factor keeps the
-//! direction: a limit on one channel slows everything down instead of bending the motion.
+//! The paper names this as future work; the law is ours. The model is that of the whole stack, with the target welded to the end effector
+//! ([`crate::model::Payload`]). Every rate is commanded to decay at the rate of its group, `ν̇_d = −α Λ ν`, and one factor `α` in [0, 1]
+//! scales all of them so that the command `u = α M(−Λ ν) + C ν` and the wrench in the gripper stay within their limits. Both are affine in
+//! `α`, so the largest admissible `α` is found in closed form. With equal rates the kinetic energy falls as `dE/dt = −2 α λ E`. A common
+//! factor keeps the direction: a limit on one channel slows all channels down instead of changing the direction of the motion.
 //!
-//! Assumptions and limits: rates are brought to rest, attitude and configuration are not brought anywhere; the stack is taken as rigid but
-//! for the joints (the propellant is a disturbance); when the bias force `C ν` alone exceeds a limit no `α` helps, which the output says.
+//! Assumptions and limits: rates are brought to rest, attitude and configuration are not controlled; the stack is assumed rigid except for
+//! the joints (the propellant is a disturbance); when the bias force `C ν` alone exceeds a limit no `α` helps, which the output reports.
 
 use crate::allocation::{Allocation, AllocationParameters};
 use crate::model::ControlModel;
@@ -15,14 +15,14 @@ use crate::{DOF, Dof, Measured, ParameterError, Twist};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Everything a user chooses, the model of the stack apart.
+/// User parameters, except the model of the stack.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
-    /// Rate at which the base's rotation dies out, 1/s.
+    /// Decay rate of the base's rotation, 1/s.
     pub rotation_1_s: f64,
-    /// Rate at which the base's translation dies out, 1/s. Zero leaves it, and then no thruster works against it.
+    /// Decay rate of the base's translation, 1/s. Zero leaves the translation uncontrolled, without thruster force against it.
     pub translation_1_s: f64,
-    /// Rate at which the joints come to rest, 1/s.
+    /// Decay rate of the joint rates, 1/s.
     pub joints_1_s: f64,
     /// Limits of the command: torque on the base (N m), force on the base (N), joint torques (N m); order of the generalised force.
     pub limits: Dof,
@@ -30,53 +30,53 @@ pub struct Parameters {
     pub gripper_force_n: f64,
     /// Limit of the torque in the gripper, N m.
     pub gripper_torque_nm: f64,
-    /// Momentum the wheels can store, one a body axis, N m s.
+    /// Momentum that the wheels can store, one per body axis, N m s.
     pub wheel_momentum_nms: Vector3<f64>,
-    /// Below this every angular rate counts as rest, rad/s.
+    /// Threshold below which an angular rate counts as rest, rad/s.
     pub rest_rate_rad_s: f64,
-    /// Below this the base's velocity counts as rest, m/s; not looked at if the translation is left.
+    /// Threshold below which the base's velocity counts as rest, m/s; ignored if the translation is uncontrolled.
     pub rest_speed_m_s: f64,
-    /// Sharing of the base torque between wheels and thrusters; `None` leaves all of it to the wheels.
+    /// Allocation of the base torque to wheels and thrusters; `None` leaves all of it to the wheels.
     pub allocation: Option<AllocationParameters>,
 }
 
-/// What the law reads at an instant.
+/// Inputs of the law at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Input {
     /// Simulated time, s.
     pub time_s: f64,
-    /// Measured state; `None` while nothing has been received: the law then commands nothing.
+    /// Measured state; `None` before the first one is received: the law then commands nothing.
     pub measured: Option<Measured>,
     /// Momentum stored in the wheels, base axes, N m s.
     pub wheel_momentum: Vector3<f64>,
 }
 
-/// What the law answers.
+/// Outputs of the law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Output {
     /// Generalised force: `[m_b; f_b; τ]`, N m, N, N m. Within the limits.
     pub force: Dof,
-    /// Who makes the base's part of it.
+    /// Allocation of the base's part to wheels and thrusters.
     pub allocation: Allocation,
-    /// What the law saw and thought.
+    /// Internal signals of the law.
     pub telemetry: Telemetry,
 }
 
-/// What the law saw and thought at an instant.
+/// Internal signals of the law at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Telemetry {
-    /// The factor α: 1 where no limit is in the way.
+    /// The factor α: 1 while no limit is active.
     pub factor: f64,
-    /// Which limit holds the factor down.
+    /// The limit that determines the factor.
     pub held_by: HeldBy,
-    /// Wrench that the gripper puts on the target, `[torque; force]` about the end effector's origin in its axes, N m and N.
+    /// Wrench of the gripper on the target, `[torque; force]` about the end effector's origin in its axes, N m and N.
     pub gripper: Twist,
     /// Kinetic energy of the stack, J.
     pub kinetic_energy_j: f64,
-    /// Momentum that the wheels will hold once everything rests, if they alone take it up: base axes, N m s. The base turns on the
-    /// way, so its length can be trusted to a few percent, its direction less.
+    /// Predicted wheel momentum at rest if the wheels alone absorb the stack's angular momentum: base axes, N m s. The base rotates in the
+    /// meantime, so the magnitude is accurate to a few per cent, the direction less.
     pub wheel_momentum_at_rest: Vector3<f64>,
-    /// Whether that is more than the wheels can store.
+    /// Whether that exceeds what the wheels can store.
     pub wheels_too_small: bool,
     /// Whether everything is at rest.
     pub at_rest: bool,
@@ -84,7 +84,7 @@ pub struct Telemetry {
     pub time_to_rest_s: f64,
 }
 
-/// Which limit holds the motion down.
+/// The active limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeldBy {
     /// None.
@@ -97,7 +97,7 @@ pub enum HeldBy {
     GripperForce,
 }
 
-/// All that the law remembers, as plain numbers.
+/// Complete state of the law, as plain numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Time of the first step with a measurement, s; negative before.
@@ -116,7 +116,7 @@ pub struct StabilisingLaw {
 }
 
 impl StabilisingLaw {
-    /// A law for the model of the whole `stack` and of the `servicer` alone; the difference of the two is what goes through the gripper.
+    /// A law for the model of the whole `stack` and of the `servicer` alone; the difference of the two gives the wrench in the gripper.
     ///
     /// # Errors
     ///
@@ -149,7 +149,7 @@ impl StabilisingLaw {
         })
     }
 
-    /// A law that continues from `state`, with the same bits.
+    /// A law that continues from `state`, bit for bit.
     ///
     /// # Errors
     ///
@@ -165,12 +165,12 @@ impl StabilisingLaw {
         Ok(law)
     }
 
-    /// All that the law remembers.
+    /// Complete state of the law.
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// Continues from `state`, with the same bits.
+    /// Continues from `state`, bit for bit.
     pub fn restore(&mut self, state: &State) {
         self.state = *state;
     }
@@ -228,7 +228,7 @@ impl StabilisingLaw {
         })
     }
 
-    /// The largest α in [0, 1] that respects every limit, and the limit that stops it.
+    /// The largest α in [0, 1] that respects every limit, and the active limit.
     fn largest_factor(&self, bias: &Dof, slope: &Dof, gripper_bias: &Twist, gripper_slope: &Twist) -> (f64, HeldBy) {
         let Parameters {
             limits,
@@ -262,7 +262,7 @@ fn affine(model: &ControlModel, measured: &Measured, acceleration: &Dof) -> (Dof
     (bias, both - bias)
 }
 
-/// The wrench at the end effector that makes up for a difference in generalised force: its base part is `J_Bᵀ w`, and `J_B` is regular.
+/// The wrench at the end effector equivalent to a difference in generalised force: its base part is `J_Bᵀ w`, and `J_B` is regular.
 fn gripper_wrench(jacobian: &crate::Jacobian, difference: &Dof) -> Twist {
     let base = jacobian.fixed_columns::<6>(0).transpose();
     let wanted: Twist = difference.fixed_rows::<6>(0).into_owned();
@@ -278,7 +278,7 @@ fn linear(bias: f64, slope: f64, limit: f64) -> f64 {
     ((limit.copysign(slope) - bias) / slope).max(0.0)
 }
 
-/// The largest α with `‖bias + α slope‖ ≤ limit`; without any, the one that comes nearest; never below zero.
+/// The largest α with `‖bias + α slope‖ ≤ limit`; if there is none, the α that comes closest; never below zero.
 fn quadratic(bias: &Vector3<f64>, slope: &Vector3<f64>, limit: f64) -> f64 {
     let (a, b, c) = (
         slope.norm_squared(),

@@ -1,4 +1,4 @@
-//! The part that every law shares: from a virtual velocity to a force (Eq 5 to 8).
+//! Velocity tracker common to all laws: from a virtual velocity to a force (Eq 5 to 8).
 
 use crate::filter::{FilterParameters, FilterState, ShapingFilter};
 use crate::inner::{Feedback, FeedbackLaw, Gains, InnerLoop};
@@ -6,32 +6,32 @@ use crate::model::ControlModel;
 use crate::{DOF, Dof, Measured, ParameterError};
 use serde::{Deserialize, Serialize};
 
-/// Everything a user chooses.
+/// User parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackerParameters {
     /// Time between two steps, s.
     pub period_s: f64,
     /// The command-shaping filter.
     pub filter: FilterParameters,
-    /// Which velocity is fed back and goes into `C ṽ`.
+    /// Velocity that is fed back and enters `C ṽ`.
     pub followed: Followed,
     /// Gains of the inner loop.
     pub gains: Gains,
-    /// Which feedback law.
+    /// Feedback law.
     pub feedback: FeedbackLaw,
 }
 
-/// Which velocity the inner loop follows.
+/// Velocity that the inner loop follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Followed {
-    /// The virtual velocity as the outer loop gives it, as the paper.
+    /// The virtual velocity from the outer loop, as in the paper.
     #[default]
     Raw,
-    /// The filter's own velocity, of which the virtual acceleration is the derivative.
+    /// The filter's velocity, of which the virtual acceleration is the derivative.
     Filtered,
 }
 
-/// What a velocity tracker remembers, as plain numbers.
+/// State of a velocity tracker, as plain numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrackerState {
     /// State of the shaping filter.
@@ -40,7 +40,7 @@ pub struct TrackerState {
     pub sigma: [f64; DOF],
 }
 
-/// A force and where it comes from.
+/// A force and its components.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tracking {
     /// Generalised force `u = u_CI + M v̇_v + C ṽ_v`: `[m_b; f_b; τ]`, N m, N, N m.

@@ -1,7 +1,7 @@
-//! The captures, closed in one loop, against the figures of an independent simulation of the same baseline.
+//! Closed-loop captures against the results of an independent simulation of the same baseline.
 //!
-//! The figures were there before these laws were written. The baseline's hold to half of their last digit. The comparison law is a stand-in
-//! whose damping nobody gave: its peaks hold to 1 %, its share of saturated samples to one point.
+//! The reference results predate these laws. The baseline agrees to half of the last digit. The comparison law is a stand-in with an
+//! unpublished damping: its peaks agree to 1 %, its share of saturated samples to one percentage point.
 
 mod plant;
 
@@ -28,7 +28,7 @@ fn check(figure: &str, value: f64, expected: f64, half_digit: f64) {
     );
 }
 
-/// The default criteria: 5 mm, 0.5 deg and 5 mm/s at the grasp, and nobody saturates.
+/// The default criteria: 5 mm, 0.5 deg and 5 mm/s at the grasp, and no actuator saturates.
 #[track_caller]
 fn captured(figures: &Figures) {
     println!("{figures:#?}");
@@ -65,7 +65,7 @@ fn a_50_hz_controller_captures() {
     captured(&close(hierarchical::Parameters::new(plant::loops::tracker(0.02)), 1.0));
 }
 
-/// The stand-in behaves as the design it stands for is reported to, and the tie of the base to its nominal start is why.
+/// The stand-in behaves as reported for the original design; the cause is that the base's path is tied to the nominal start.
 #[test]
 fn the_comparison_captures_the_close_target_with_saturated_wheels() {
     let mut step = reference_loop(BasePath::NominalPose);

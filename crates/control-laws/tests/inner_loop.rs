@@ -12,7 +12,7 @@ fn channels(range: std::ops::Range<f64>) -> impl Strategy<Value = Dof> {
     proptest::collection::vec(range, 13).prop_map(|values| Dof::from_row_slice(&values))
 }
 
-/// Errors that jump, rest and reverse: what drives an integrator into and out of saturation.
+/// Errors that step, rest and reverse, which drive the integrator into and out of saturation.
 fn errors() -> impl Strategy<Value = Vec<Dof>> {
     proptest::collection::vec(
         (
@@ -24,7 +24,7 @@ fn errors() -> impl Strategy<Value = Vec<Dof>> {
     .prop_map(|list| list.into_iter().map(|(direction, size)| direction * size).collect())
 }
 
-/// A symmetric positive definite matrix: a diagonal plus something smaller beside it.
+/// A symmetric positive definite matrix: a diagonal plus smaller off-diagonal entries.
 fn coupled(diagonal: &Dof, coupling: f64) -> Matrix13 {
     Matrix13::from_fn(|row, column| {
         let mean = (diagonal[row] * diagonal[column]).sqrt();
@@ -171,7 +171,7 @@ proptest! {
         }
     }
 
-    /// K_P and K_I that have nothing to do with each other, T K_I / K_P from 1e-6 to 1e8: where the fixed point diverges.
+    /// Unrelated K_P and K_I, T K_I / K_P from 1e-6 to 1e8: cases in which the fixed-point iteration diverges.
     #[test]
     fn saturated_step_is_solved_for_any_diagonal_ki(
         factor in matrices(), exponents in channels(-3.0..6.0), bounds in channels(-2.0..2.0), errors in errors(), period_s in 1e-3..1.0,
@@ -189,7 +189,7 @@ proptest! {
         }
     }
 
-    /// With couplings in K_I the step may have several solutions; such gains are refused, and all others are solved.
+    /// With couplings in K_I the step may have several solutions; such gains are rejected, and all others are solved.
     #[test]
     fn full_ki_is_refused_or_its_saturated_step_solved(
         factor in matrices(), other in matrices(), size in prop_oneof![0.1..1.0, 1.0..1e3], bound in channels(0.1..50.0), errors in errors(),
@@ -228,7 +228,7 @@ proptest! {
     }
 }
 
-/// Two channels whose T K_I / K_P is about 18 and 14 beside eleven light ones: the fixed point never settles here.
+/// Two channels with T K_I / K_P of about 18 and 14, and eleven with small values: here the fixed-point iteration never converges.
 #[test]
 fn step_is_solved_where_the_fixed_point_diverges() {
     let (mass, x) = (coupled(&Dof::repeat(0.1), 0.05), coupled(&Dof::repeat(0.5), 0.1));

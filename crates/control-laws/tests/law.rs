@@ -1,4 +1,4 @@
-//! Both laws at a single instant and over a few: what they do with nothing received, what they remember, what they refuse.
+//! Both laws at single instants: behaviour without inputs, saved state, and rejected parameters.
 
 #![allow(non_snake_case)] // M and C as in the equations
 
@@ -30,7 +30,7 @@ fn array<const N: usize>(range: f64) -> impl Strategy<Value = [f64; N]> {
     proptest::array::uniform(-range..range)
 }
 
-/// Servicers anywhere, in any attitude and configuration, moving moderately.
+/// Servicers at any position, in any attitude and configuration, with moderate velocities.
 fn measured() -> impl Strategy<Value = Measured> {
     (array::<3>(6.0), array::<3>(3.0), array::<7>(2.0), array::<13>(0.2)).prop_map(
         |(position, turn, joints, velocity)| Measured {
@@ -68,10 +68,10 @@ proptest! {
         let output = law.step(&input(Some(measured), Some(set_point))).unwrap();
         let end = law.model().end_effector(&measured);
         let twist = end.jacobian * output.telemetry.virtual_velocity;
-        // with these velocities the position error decays as ṗ_e = −K p_e: Eq 17 put the other way round
+        // with these velocities the position error decays as ṗ_e = −K p_e, the inverse of Eq 17
         let velocity = end.pose.attitude * twist.fixed_rows::<3>(3) - set_point.velocity;
         prop_assert!((velocity + (end.pose.position - set_point.pose.position)).norm() < 1e-9);
-        // and so does the angle: what is left when the desired frame's own rate, carried over, is taken off is the feedback alone
+        // and so does the angle: the rate less the transformed rate of the desired frame is the feedback alone
         let error = set_point.pose.attitude.inverse() * end.pose.attitude;
         let relative = twist.fixed_rows::<3>(0) - error.inverse() * set_point.rate;
         let gain = baseline().outer.attitude_gain;
@@ -83,7 +83,7 @@ proptest! {
 
     #[test]
     fn the_force_is_feedback_plus_model(measured in measured(), set_point in set_point()) {
-        // Eq 5 with the matrices formed, not by the one pass that the law uses
+        // Eq 5 with explicit matrices instead of the single pass that the law uses
         let mut law = law();
         let output = law.step(&input(Some(measured), Some(set_point))).unwrap();
         let tree = law.model().tree();
@@ -104,7 +104,7 @@ proptest! {
         prop_assert_eq!(t.virtual_velocity, Dof::zeros());
         prop_assert_eq!(t.position_error.norm() + t.attitude_error.vector.norm(), 0.0);
         prop_assert!(output.force.iter().all(|value| value.is_finite()));
-        // the force brakes: it takes energy out of the motion that is there
+        // the force brakes: it removes kinetic energy
         prop_assert!(output.force.dot(&measured.velocity) <= 0.0);
     }
 
@@ -154,7 +154,7 @@ proptest! {
         parameters.least_squares_damping = 1e-6;
         let mut law = ReferenceLaw::new(model(), parameters).unwrap();
         let end = law.model().end_effector(&measured);
-        // away from singular arms the damping does nothing
+        // away from singular arm configurations the damping has no effect
         let arm = end.jacobian.fixed_columns::<7>(6).into_owned();
         prop_assume!((arm * arm.transpose()).determinant() > 1e-4);
         let output = law.step(&reference::Input {

@@ -1,4 +1,4 @@
-//! The control model against figures of the baseline servicer, and its options against each other.
+//! The control model against reference values of the baseline servicer, and its options against each other.
 
 #![allow(non_snake_case)] // R as in the equations
 
@@ -30,7 +30,7 @@ fn mass_diagonal(model: &ControlModel) -> Dof {
     model.tree().mass_matrix(&start().joints.into()).diagonal()
 }
 
-/// Figures of an independent model of the same description, propellant frozen, no motor inertia.
+/// Reference values of an independent model of the same description, propellant frozen, no motor inertia.
 #[test]
 fn the_baseline_has_the_mass_properties_of_the_independent_model() {
     let model = model(&bare());
@@ -104,7 +104,7 @@ fn a_payload_adds_its_momentum() {
     let mut measured = start();
     measured.velocity = Dof::from_fn(|row, _| 0.1 * libm::cos(1.0 + row as f64));
     let added = loaded.momentum(&measured) - alone.momentum(&measured);
-    // the payload's own momentum, carried to B
+    // the payload's own momentum, taken about B
     let end = alone.end_effector(&measured);
     let twist = end.jacobian * measured.velocity;
     let (w, v) = (

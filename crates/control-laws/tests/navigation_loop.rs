@@ -1,4 +1,4 @@
-//! The close capture seen through a camera: 10 Hz, late by 100 ms, with the baseline's slow errors, and the navigation filter in between.
+//! The close capture with a camera (10 Hz, 100 ms latency, the baseline's slow errors) and the navigation filter in the loop.
 
 mod plant;
 
@@ -22,7 +22,7 @@ fn navigation() -> NavigationFilter {
         target: target_model(),
         drift_sigma: CAMERA,
         drift_time_s: DRIFT_TIME_S,
-        // more than the camera has: a filter that trusts each picture steps with each picture, and the wheels feel every step
+        // above the camera's true noise: otherwise the estimate steps with each camera pose, and every step reaches the wheels
         white_sigma: CAMERA,
         acceleration_density: PositionAttitude {
             position: 1e-6,
@@ -77,7 +77,7 @@ impl Drift {
     }
 }
 
-/// Through the camera and the filter, or (`filtered` false) straight from the camera with the rate from differences.
+/// Runs with camera and filter, or (`filtered` false) directly from the camera with the rate from differences.
 fn through_camera(seed: u64, filtered: bool) -> Figures {
     let mut navigation = navigation();
     let mut guidance = CaptureGuidance::new(capture::Parameters {
@@ -141,7 +141,7 @@ fn the_filter_lets_the_servicer_capture_smoothly_what_a_camera_sees_late_and_wro
             figures.peak_torque_nm,
             figures.peak_force_n,
         );
-        // no better than the camera, whose slow errors cannot be told from a motion of the target: three sigma
+        // no better than the camera, as its slow errors are indistinguishable from motion of the target: three sigma
         assert!(figures.position_error_m < 3.0 * 1.7 * CAMERA.position);
         assert!(figures.attitude_error_deg * DEGREE < 3.0 * 1.7 * CAMERA.attitude);
         let raw = through_camera(seed, false);

@@ -84,7 +84,7 @@ fn a_step_of_any_law_allocates_nothing() {
     assert_eq!(count, 0);
 }
 
-/// Whether the fixed point of the saturated step settles within `rounds`, as the inner loop looks for it at first.
+/// Whether the fixed-point iteration of the saturated step, which the inner loop tries first, converges within `rounds`.
 fn settles(kp: &Matrix13, ki: &Matrix13, period_s: f64, sigma: &Dof, error: &Dof, bound: f64) -> bool {
     let drive = kp.try_inverse().unwrap() * period_s;
     let carry = (Matrix13::identity() + drive * ki).try_inverse().unwrap();
@@ -98,7 +98,7 @@ fn settles(kp: &Matrix13, ki: &Matrix13, period_s: f64, sigma: &Dof, error: &Dof
     })
 }
 
-/// Gains that have nothing to do with each other: the fixed point of the implicit step diverges, and pivoting solves it.
+/// Unrelated gains: the fixed-point iteration of the implicit step diverges, and pivoting solves it.
 #[test]
 fn pivoting_allocates_nothing() {
     const BOUND: f64 = 1.0;

@@ -1,4 +1,4 @@
-//! Every option of the hierarchical law in a closed loop: what it is there for can be seen.
+//! Every option of the hierarchical law has its intended effect in a closed loop.
 
 mod plant;
 
@@ -40,13 +40,13 @@ fn conditional(bound: Bound, discretisation: Discretisation) -> FeedbackLaw {
 #[test]
 fn every_inner_loop_captures() {
     let actuators = Bound::PerChannel(Dof::from(LIMITS));
-    // the paper's one number for all channels: the length of the limits
+    // the paper's single number for all channels: the norm of the limits
     let scalar = Bound::Scalar(Dof::from(LIMITS).norm());
     let mut coupled_kp = Matrix13::from_diagonal(&Dof::from(KP));
     coupled_kp[(0, 4)] = 20.0;
     coupled_kp[(4, 0)] = 20.0;
     let full = Gains::full(coupled_kp, Matrix13::from_diagonal(&Dof::from(KI)));
-    // M times the cut-offs in every configuration
+    // K_P is M times the cut-offs in every configuration
     let cut_offs = [1.5, 1.5, 1.5, 1.0, 1.0, 1.0, 5.0, 5.0, 5.0, 5.0, 5.0, 5.0, 5.0];
     let scheduled = Gains::scheduled(Matrix13::from_diagonal(&Dof::from(cut_offs)), &Dof::from(KI));
     let diagonal = baseline().tracker.gains;
@@ -66,7 +66,7 @@ fn every_inner_loop_captures() {
     }
 }
 
-/// A thruster that leaks half a newton: what an integral is for.
+/// A thruster that leaks half a newton: the integral rejects it.
 #[test]
 fn the_integral_takes_up_a_constant_disturbance_and_the_proportional_law_does_not() {
     let leaking = |feedback| {
@@ -135,7 +135,7 @@ fn masses_that_are_a_fifth_wrong_are_forgiven() {
     assert!(captured(&close_with(model, baseline(), Plant::new(1.2, 1.0))));
 }
 
-/// Wheels with a quarter of their torque: where the conditional integrator is at work.
+/// Wheels with a quarter of their torque: the conditional integrator is active.
 #[test]
 fn with_weak_wheels_the_conditional_integrator_captures_better_than_the_pi_law() {
     let mut weak = Plant::new(1.2, 1.0);
@@ -150,7 +150,7 @@ fn with_weak_wheels_the_conditional_integrator_captures_better_than_the_pi_law()
     assert!(plain.attitude_error_deg > 5.0 * conditional.attitude_error_deg);
 }
 
-/// The command late by `samples`, and the measurement by as many.
+/// The command is delayed by `samples`, and the measurement by the same number.
 fn delayed(samples: usize) -> Figures {
     let law = HierarchicalLaw::new(model(), baseline()).unwrap();
     let mut step = hierarchical_loop(law, Schedule::CLOSE);
@@ -184,7 +184,7 @@ fn ten_milliseconds_each_way_are_harmless_and_fifty_lose_the_capture() {
     assert!(!captured(&delayed(5)));
 }
 
-/// An arm that does nearly everything (weight 1000) and starts too near has to fold: the law as printed knows no joint ranges.
+/// An arm that carries nearly all the motion (weight 1000) and starts too near must fold: the law as printed has no joint limits.
 #[test]
 fn avoidance_keeps_a_folding_arm_within_its_ranges_and_captures() {
     let ranges: Vec<_> = description().moving_joints().filter_map(|joint| joint.limits).collect();
@@ -211,7 +211,7 @@ fn avoidance_keeps_a_folding_arm_within_its_ranges_and_captures() {
     }
 }
 
-/// The same arm starting too far has to stretch.
+/// The same arm, starting too far away, must stretch.
 #[test]
 fn avoidance_keeps_the_elbow_bent() {
     let ranges: Vec<_> = description().moving_joints().filter_map(|joint| joint.limits).collect();
@@ -239,7 +239,7 @@ fn avoidance_keeps_the_elbow_bent() {
     );
 }
 
-/// Weak wheels again, and thrusters that may help: what the base feels is what was asked for, and stored momentum is shed.
+/// Weak wheels supported by thrusters: the base receives the commanded torque, and stored momentum is unloaded.
 #[test]
 fn reallocation_gives_the_whole_torque_and_sheds_momentum() {
     let allocation = AllocationParameters {
@@ -270,7 +270,7 @@ fn reallocation_gives_the_whole_torque_and_sheds_momentum() {
     assert!(momentum.amax() < 5.0, "{momentum}");
 }
 
-/// A set-point that turns faster than the servicer can follow, and stops after 280 degrees: angle turned (deg), error left (deg), jump.
+/// A set-point that turns faster than the servicer can follow, and stops after 280 degrees: angle turned (deg), final error (deg), jump.
 fn turning_away(attitude: AttitudeLaw) -> (f64, f64, bool) {
     let mut parameters = baseline();
     parameters.outer.attitude = attitude;

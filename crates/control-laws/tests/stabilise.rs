@@ -31,7 +31,7 @@ fn stack_options() -> ModelOptions {
     }
 }
 
-/// The plant's description with the target welded on, written here once more so that the model's own weld is checked against it.
+/// The plant's description with the target welded on, implemented independently so that it checks the model's weld.
 fn welded() -> Description {
     let mut description = geared();
     let parent = description
@@ -86,7 +86,7 @@ fn law(parameters: Parameters) -> StabilisingLaw {
     StabilisingLaw::new(stack, servicer, parameters).unwrap()
 }
 
-/// Rates as a capture leaves them: the target still turns about the grip and everything drifts.
+/// Rates typical after a capture: the target still turns about the gripper and the stack drifts.
 fn stirred(scale: f64) -> Plant {
     let mut plant = Plant::of(&welded(), 1.0, 1.0);
     plant.state.nu = SVector::from([
@@ -159,13 +159,13 @@ fn the_stack_comes_to_rest_within_every_limit() {
     assert!(rest.held > 100, "the limits matter in this case");
     assert!(rest.last.telemetry.time_to_rest_s > 0.0 && rest.last.telemetry.time_to_rest_s < 100.0);
     assert!(*rest.energy.last().unwrap() < 1e-5 * rest.energy[0]);
-    // the propellant, which the model has frozen, may give back a little: a tenth of a percent of the start
+    // the propellant, frozen in the model, may return a little energy: a tenth of a per cent of the start
     assert!(
         rest.energy
             .windows(2)
             .all(|pair| pair[1] <= pair[0] + 1e-3 * rest.energy[0])
     );
-    // the base turns on the way, and the momentum in its axes with it: the length is what can be foreseen
+    // the base rotates, and with it the momentum in base axes: only the magnitude can be predicted
     let foreseen = first.telemetry.wheel_momentum_at_rest.norm();
     assert!((rest.wheel_momentum.norm() - foreseen).abs() < 0.05 * foreseen);
 }
@@ -178,7 +178,7 @@ fn without_limits_every_rate_dies_out_exponentially() {
         gripper_torque_nm: 1e6,
         ..parameters()
     };
-    // small rates: the arm hardly moves meanwhile, the plant's own limits stay away
+    // small rates: the arm hardly moves meanwhile, and the plant's limits stay inactive
     let rest = bring_to_rest(stirred(0.02), wide, 10.0);
     assert_eq!(rest.held, 0);
     let expected = libm::exp(-2.0 * 0.2 * 9.99);
@@ -197,7 +197,7 @@ fn the_gripper_wrench_is_what_the_target_needs_by_newton_and_euler() {
         wheel_momentum: Vector3::zeros(),
     };
     let output = law.step(&input).unwrap();
-    // motion of the payload for the acceleration the law asks for, by differences along it
+    // motion of the payload under the acceleration commanded by the law, by finite differences
     let model = ControlModel::new(&description(), &stack_options()).unwrap();
     let acceleration = measured.velocity * (-0.2 * output.telemetry.factor);
     let payload = payload();

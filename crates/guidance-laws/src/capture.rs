@@ -1,16 +1,16 @@
-//! The capture guidance: from wherever the end effector is at the start to the grasp point of the moving target.
+//! The capture guidance: a trajectory of the end effector from its start pose to the grasp point of the moving target.
 //!
 //! Position: a quintic blend from the start position `p_E0` to the grasp point `p_G(t)`, which may move,
 //! `p_d = (1 − s_p) p_E0 + s_p p_G`. Attitude: the geodesic from the start attitude to the grasp frame,
-//! `R_d = R_E0 exp(s_r log(R_E0ᵀ R_G))`, which is done earlier, at the pointing instant. Both velocities are the exact time
-//! derivatives, with the target's motion in them, so a controller can feed them forward. After the last instant the set-point rides
-//! on the grasp frame.
+//! `R_d = R_E0 exp(s_r log(R_E0ᵀ R_G))`, which is complete earlier, at the pointing instant. Both velocities are the exact time
+//! derivatives, including the target's motion, so a controller can feed them forward. After the last instant the set-point
+//! coincides with the grasp frame.
 //!
 //! Source: P. Bruschi, *A Hierarchical Control Architecture for Space Robots in On-Orbit Servicing Operations* (2025), whose three
 //! instants these are; the time law and the analytic rate are ours.
 //!
-//! Limits: collision with the target is not looked at; the relative rotation must stay below a whole turn until the pointing instant
-//! (half a turn for a law that has just been started).
+//! Limits: collision with the target is not considered; the relative rotation must stay below one full turn until the pointing
+//! instant (half a turn for a law that has just been started).
 
 use crate::profile::{Progress, quintic};
 use crate::{ParameterError, Pose, SetPoint, TargetState, so3};
@@ -42,7 +42,7 @@ impl Schedule {
         grasp_s: 55.0,
     };
 
-    /// Refuses instants that are not in order.
+    /// Rejects instants that are not in order.
     ///
     /// # Errors
     ///
@@ -67,7 +67,7 @@ impl Schedule {
         Ok(self)
     }
 
-    /// Where in the approach `time_s` is.
+    /// Phase of the approach at `time_s`.
     pub fn phase(&self, time_s: f64) -> Phase {
         if time_s < self.start_s {
             Phase::Waiting
@@ -81,7 +81,7 @@ impl Schedule {
     }
 }
 
-/// What the guidance is doing.
+/// Phase of the guidance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Phase {
@@ -95,7 +95,7 @@ pub enum Phase {
     Riding = 3,
 }
 
-/// Everything a user chooses.
+/// User parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
     /// The three instants.
@@ -104,23 +104,23 @@ pub struct Parameters {
     pub grasp: Pose,
 }
 
-/// What the guidance reads at an instant.
+/// Inputs of the guidance at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Input {
     /// Simulated time, s.
     pub time_s: f64,
-    /// Measured pose of the end effector; `None` while nothing has been received. Read until it is there once: it is the start pose.
+    /// Measured pose of the end effector; `None` before the first one is received. The first is the start pose; later ones are ignored.
     pub end_effector: Option<Pose>,
-    /// Motion of the target; `None` while nothing has been received.
+    /// Motion of the target; `None` before the first one is received.
     pub target: Option<TargetState>,
 }
 
-/// What the guidance answers.
+/// Outputs of the guidance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Output {
-    /// The set-point; `None` while the pose of the end effector has never been received.
+    /// The set-point; `None` until the first pose of the end effector is received.
     pub set_point: Option<SetPoint>,
-    /// Where in the approach this is.
+    /// Phase of the approach.
     pub phase: Phase,
     /// Progress of the position.
     pub position: Progress,
@@ -128,7 +128,7 @@ pub struct Output {
     pub attitude: Progress,
 }
 
-/// All that the guidance remembers, as plain numbers.
+/// Complete state of the guidance, as plain numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Whether the start pose is known.
@@ -150,7 +150,7 @@ pub struct CaptureGuidance {
 }
 
 impl CaptureGuidance {
-    /// A guidance that has seen nothing yet.
+    /// A guidance in its initial state.
     ///
     /// # Errors
     ///
@@ -166,7 +166,7 @@ impl CaptureGuidance {
         })
     }
 
-    /// A guidance that continues from `state`, with the same bits.
+    /// A guidance that continues from `state`, bit for bit.
     ///
     /// # Errors
     ///
@@ -176,7 +176,7 @@ impl CaptureGuidance {
         Ok(Self {
             start: state.started.then(|| Pose {
                 position: state.start_position.into(),
-                // as it was, not normalised again: a restored run must have the same bits
+                // unchanged, not normalised again: a restored run must be bit-identical
                 attitude: UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)),
             }),
             rotation: state.rotation.into(),
@@ -184,7 +184,7 @@ impl CaptureGuidance {
         })
     }
 
-    /// All that the guidance remembers.
+    /// Complete state of the guidance.
     pub fn state(&self) -> State {
         State {
             started: self.start.is_some(),
@@ -199,7 +199,7 @@ impl CaptureGuidance {
         &self.parameters
     }
 
-    /// The set-point at `input.time_s`. Until the target has been seen it is the start pose at rest.
+    /// The set-point at `input.time_s`. It is the start pose at rest until the first target state is received.
     pub fn step(&mut self, input: &Input) -> Output {
         let Schedule {
             start_s,
@@ -225,7 +225,7 @@ impl CaptureGuidance {
 
     fn blend(&mut self, start: &Pose, grasp: &SetPoint, position: Progress, attitude: Progress) -> SetPoint {
         let p_G = grasp.pose.position;
-        // the pose is the grasp frame itself, to the last bit, once a blend is complete
+        // the pose equals the grasp frame, bit for bit, once a blend is complete
         let p_d = if position.value < 1.0 {
             start.position * (1.0 - position.value) + p_G * position.value
         } else {

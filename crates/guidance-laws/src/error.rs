@@ -1,4 +1,4 @@
-//! The one way in which the construction of a law can fail.
+//! Parameter error: the only error that the construction of a law can return.
 
 use thiserror::Error;
 
@@ -8,14 +8,14 @@ use thiserror::Error;
 pub struct ParameterError {
     /// The field, as a path below the law's `Parameters`.
     pub field: &'static str,
-    /// The value that was refused, as text.
+    /// The rejected value, as text.
     pub value: String,
-    /// What is allowed, in words a user can act on.
+    /// Remedy: what is allowed.
     pub remedy: &'static str,
 }
 
 impl ParameterError {
-    /// An error for `field`, whose `value` was refused for the reason that `remedy` removes.
+    /// An error for `field` with the rejected `value` and its `remedy`.
     pub fn new(field: &'static str, value: impl std::fmt::Debug, remedy: &'static str) -> Self {
         Self {
             field,
@@ -24,7 +24,7 @@ impl ParameterError {
         }
     }
 
-    /// Refuses zero, negative, infinite and undefined numbers.
+    /// Rejects zero, negative, infinite and NaN values.
     pub fn positive(field: &'static str, value: f64) -> Result<f64, Self> {
         if value.is_finite() && value > 0.0 {
             Ok(value)
@@ -33,7 +33,7 @@ impl ParameterError {
         }
     }
 
-    /// Refuses negative, infinite and undefined numbers.
+    /// Rejects negative, infinite and NaN values.
     pub fn non_negative(field: &'static str, value: f64) -> Result<f64, Self> {
         if value.is_finite() && value >= 0.0 {
             Ok(value)
@@ -42,7 +42,7 @@ impl ParameterError {
         }
     }
 
-    /// Refuses infinite and undefined numbers.
+    /// Rejects infinite and NaN values.
     pub fn finite(field: &'static str, values: &[f64]) -> Result<(), Self> {
         if values.iter().all(|value| value.is_finite()) {
             Ok(())

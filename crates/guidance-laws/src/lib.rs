@@ -17,8 +17,8 @@
 //!
 //! # What a law is
 //!
-//! A law is a struct built by `new` from validated parameters and advanced by `step`. It knows no process, file, clock or log and
-//! allocates nothing. All that it remembers is in `state()`, plain arrays; `from_state` continues with the same bits.
+//! A law is a struct built by `new` from validated parameters and advanced by `step`. It uses no process, file, clock or log and
+//! does not allocate. Its complete state is returned by `state()` as plain arrays; `from_state` continues bit for bit.
 //! Sines and exponentials come from `libm`, so the same inputs give the same bits on every machine.
 #![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
 

@@ -13,8 +13,8 @@ pub struct Progress {
 
 /// Progress at `time_s` of a motion from `start_s` to `end_s`: `s(x) = 10 x³ − 15 x⁴ + 6 x⁵`.
 ///
-/// Zero rate and acceleration at both ends matter: a set-point whose rate steps at the start alone makes the shaping filter
-/// ask for several times the force of the whole approach.
+/// Zero rate and acceleration at both ends matter: with a rate step at the start alone the shaping filter demands several times
+/// the force of the whole approach.
 pub fn quintic(time_s: f64, start_s: f64, end_s: f64) -> Progress {
     let duration_s = end_s - start_s;
     let x = (time_s - start_s) / duration_s;

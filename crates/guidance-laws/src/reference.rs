@@ -1,9 +1,9 @@
 //! The comparison guidance: fixed instants, and a trajectory imposed on the base as well as on the end effector.
 //!
 //! A **stand-in**: the design it stands for (the combined base and arm control of Pavanello et al., 2021) did not publish its
-//! numbers. The end effector follows the same blend as in [`crate::capture`]; what differs is that the instants are fixed, whatever the
-//! distance, and that the base has a set-point of its own. That set-point is what makes the difference: tied to the nominal closing pose
-//! it acts as a step when the servicer starts anywhere else; re-planned from the true start it does not. Give both when comparing.
+//! numbers. The end effector follows the same blend as in [`crate::capture`]; the differences are that the instants are fixed, whatever
+//! the distance, and that the base has a separate set-point. That set-point is decisive: tied to the nominal closing pose it acts as a
+//! step when the servicer starts anywhere else; re-planned from the true start it does not. Report both variants when comparing.
 
 use crate::capture::{self, CaptureGuidance, Schedule};
 use crate::profile::quintic;
@@ -11,19 +11,19 @@ use crate::{ParameterError, Pose, SetPoint, TargetState, so3};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How the base gets to its closing pose.
+/// Path of the base to its closing pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BasePath {
-    /// It stays where it is until the schedule's start and is asked to be there from then on: no motion at all from the nominal
-    /// start, a jump from anywhere else.
+    /// The base holds its pose until the schedule's start; from then on the closing pose is commanded: no motion from the nominal
+    /// start, a step from anywhere else.
     #[default]
     NominalPose,
-    /// A quintic from the pose it has at the first sample, from the schedule's start to its pointing instant: the base stands still
-    /// while the end effector closes in.
+    /// A quintic from the pose at the first sample, from the schedule's start to its pointing instant: the base is at rest while the
+    /// end effector closes in.
     Replanned,
 }
 
-/// Everything a user chooses.
+/// User parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
     /// The instants, the same ones whatever the distance.
@@ -32,33 +32,33 @@ pub struct Parameters {
     pub grasp: Pose,
     /// Closing pose of the base `B` in the world.
     pub closing_pose: Pose,
-    /// How the base gets there.
+    /// Path of the base to the closing pose.
     pub base_path: BasePath,
 }
 
-/// What the guidance reads at an instant.
+/// Inputs of the guidance at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Input {
     /// Simulated time, s.
     pub time_s: f64,
-    /// Measured pose of the base; `None` while nothing has been received.
+    /// Measured pose of the base; `None` before the first one is received.
     pub base: Option<Pose>,
-    /// Measured pose of the end effector; `None` while nothing has been received.
+    /// Measured pose of the end effector; `None` before the first one is received.
     pub end_effector: Option<Pose>,
-    /// Motion of the target; `None` while nothing has been received.
+    /// Motion of the target; `None` before the first one is received.
     pub target: Option<TargetState>,
 }
 
-/// What the guidance answers.
+/// Outputs of the guidance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Output {
     /// Set-point of the end effector, and the phase.
     pub end_effector: capture::Output,
-    /// Set-point of the base; `None` while the pose of the base has never been received.
+    /// Set-point of the base; `None` until the first pose of the base is received.
     pub base: Option<SetPoint>,
 }
 
-/// All that the guidance remembers, as plain numbers.
+/// Complete state of the guidance, as plain numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// State of the end effector's part.
@@ -87,7 +87,7 @@ fn arm_part(parameters: &Parameters) -> capture::Parameters {
 }
 
 impl ReferenceGuidance {
-    /// A guidance that has seen nothing yet.
+    /// A guidance in its initial state.
     ///
     /// # Errors
     ///
@@ -105,7 +105,7 @@ impl ReferenceGuidance {
         })
     }
 
-    /// A guidance that continues from `state`, with the same bits.
+    /// A guidance that continues from `state`, bit for bit.
     ///
     /// # Errors
     ///
@@ -122,7 +122,7 @@ impl ReferenceGuidance {
         })
     }
 
-    /// All that the guidance remembers.
+    /// Complete state of the guidance.
     pub fn state(&self) -> State {
         State {
             end_effector: self.end_effector.state(),

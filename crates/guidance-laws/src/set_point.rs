@@ -1,4 +1,4 @@
-//! What a guidance law asks a controller to follow.
+//! Set-points: poses and twists that a guidance law commands to a controller.
 
 use crate::so3;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -13,8 +13,8 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// A pose from plain numbers (m; quaternion scalar first). `None` if the quaternion is none or a number is not finite,
-    /// which is how a message that nobody sent yet looks.
+    /// A pose from plain numbers (m; quaternion scalar first). `None` if the quaternion is not valid or a number is not finite;
+    /// a message of zeros, which means that nothing has been received yet, has such a quaternion.
     pub fn from_raw(position: [f64; 3], attitude_wxyz: [f64; 4]) -> Option<Self> {
         let attitude = so3::from_wxyz(attitude_wxyz)?;
         position.iter().all(|value| value.is_finite()).then(|| Self {
@@ -53,8 +53,8 @@ impl SetPoint {
         }
     }
 
-    /// A set-point from plain numbers (m; quaternion scalar first; m/s in world axes; rad/s in desired axes). `None` for a message
-    /// that nobody sent yet, which is all zeros: a quaternion of zeros is no attitude.
+    /// A set-point from plain numbers (m; quaternion scalar first; m/s in world axes; rad/s in desired axes). `None` for a message of
+    /// zeros, which means that nothing has been received yet: a quaternion of zeros is no attitude.
     pub fn from_raw(position: [f64; 3], attitude_wxyz: [f64; 4], velocity: [f64; 3], rate: [f64; 3]) -> Option<Self> {
         let pose = Pose::from_raw(position, attitude_wxyz)?;
         velocity
@@ -68,7 +68,7 @@ impl SetPoint {
             })
     }
 
-    /// The set-point `age_s` seconds after it was computed, with its own constant velocities.
+    /// The set-point extrapolated to `age_s` seconds after it was computed, with its velocities constant.
     pub fn propagated(&self, age_s: f64) -> Self {
         Self {
             pose: Pose {
@@ -80,19 +80,19 @@ impl SetPoint {
     }
 }
 
-/// What a controller follows between two samples of the guidance.
+/// Set-point handling in a controller between two samples of the guidance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Between {
-    /// The last set-point, moved on with the velocities it came with. A guidance slower than the controller needs this: the steps of
-    /// a held pose are kicks to the inner loop.
+    /// The last set-point, extrapolated with its own velocities. A guidance slower than the controller needs this: the steps of a
+    /// held pose disturb the inner loop.
     #[default]
     Propagate,
-    /// The last pose as it came.
+    /// Zero-order hold of the last pose.
     Hold,
 }
 
 impl Between {
-    /// What to follow `age_s` seconds after `set_point` was computed.
+    /// The set-point to follow `age_s` seconds after `set_point` was computed.
     pub fn apply(self, set_point: &SetPoint, age_s: f64) -> SetPoint {
         match self {
             Self::Propagate => set_point.propagated(age_s),

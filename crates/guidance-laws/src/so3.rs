@@ -4,7 +4,7 @@
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-/// Below this angle, in rad, the closed forms lose digits and the series take over. Their first neglected terms are below 1e-18.
+/// Below this angle, in rad, the closed forms lose digits and series are used. Their first neglected terms are below 1e-18.
 const SMALL_ANGLE_RAD: f64 = 1e-3;
 
 /// The matrix of the cross product: `hat(a) b = a × b`.
@@ -43,7 +43,7 @@ pub fn log(q: &UnitQuaternion<f64>) -> Vector3<f64> {
     vector * angle_per_sine
 }
 
-/// The rotation vector of `q` that is nearest to `previous`, rad: the logarithm continued over half a turn, where [`log`] jumps.
+/// The rotation vector of `q` nearest to `previous`, rad: the logarithm continued beyond half a turn, where [`log`] jumps.
 pub fn log_near(q: &UnitQuaternion<f64>, previous: &Vector3<f64>) -> Vector3<f64> {
     let principal = log(q);
     let angle = principal.norm();
@@ -69,7 +69,7 @@ pub fn right_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
         )
     } else {
         let half_sine = libm::sin(0.5 * angle);
-        // (1 − cos a)/a² written with the half angle, so that nothing cancels
+        // (1 − cos a)/a² written with the half angle, to avoid cancellation
         (
             2.0 * half_sine * half_sine / square,
             (angle - libm::sin(angle)) / (square * angle),
@@ -93,7 +93,7 @@ pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + cross * 0.5 + cross * cross * second
 }
 
-/// A unit quaternion from four numbers, scalar first. `None` for what cannot be one: zeros (a message nobody sent yet), or not finite.
+/// A unit quaternion from four numbers, scalar first. `None` for zeros (nothing received yet), or numbers that are not finite.
 pub fn from_wxyz(wxyz: [f64; 4]) -> Option<UnitQuaternion<f64>> {
     let [w, x, y, z] = wxyz;
     let norm = (w * w + x * x + y * y + z * z).sqrt();

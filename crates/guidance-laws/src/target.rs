@@ -15,8 +15,8 @@ pub struct TargetState {
 }
 
 impl TargetState {
-    /// A state from plain numbers (m; quaternion scalar first; m/s in world axes; rad/s in target axes). `None` for a message that
-    /// nobody sent yet, which is all zeros.
+    /// A state from plain numbers (m; quaternion scalar first; m/s in world axes; rad/s in target axes). `None` for a message of
+    /// zeros, which means that nothing has been received yet.
     pub fn from_raw(position: [f64; 3], attitude_wxyz: [f64; 4], velocity: [f64; 3], rate: [f64; 3]) -> Option<Self> {
         let SetPoint { pose, velocity, rate } = SetPoint::from_raw(position, attitude_wxyz, velocity, rate)?;
         Some(Self { pose, velocity, rate })
@@ -32,7 +32,7 @@ impl TargetState {
     }
 }
 
-/// A torque-free rigid body with a known inertia: predicts where a target that was seen some time ago is now.
+/// A torque-free rigid body with a known inertia: predicts the present state of a target from an earlier one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TargetModel {
     inertia: Matrix3<f64>,
@@ -81,7 +81,7 @@ impl TargetModel {
         self.inverse * (so3::hat(&(self.inertia * rate)) - so3::hat(rate) * self.inertia)
     }
 
-    /// The state `duration_s` seconds later (a negative duration looks back), by classical Runge-Kutta in equal steps.
+    /// The state `duration_s` seconds later (negative: earlier), by classical Runge-Kutta in equal steps.
     pub fn predicted(&self, from: &TargetState, duration_s: f64) -> TargetState {
         let steps = (duration_s.abs() / self.longest_step_s).ceil().max(1.0);
         let step_s = duration_s / steps;
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn an_axisymmetric_body_precesses_as_in_closed_form() {
-        // with I = diag(a, a, c): the rate turns about z at (c/a − 1) w_z, and the momentum stays put in the world
+        // with I = diag(a, a, c): the rate precesses about z at (c/a − 1) w_z, and the momentum is constant in the world
         let model = TargetModel::new(Matrix3::from_diagonal(&Vector3::new(33.6, 33.6, 25.0)), 0.01).unwrap();
         let start = tumbling(Vector3::new(0.05, 0.02, 0.11));
         let time_s = 60.0;

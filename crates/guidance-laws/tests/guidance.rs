@@ -54,7 +54,7 @@ fn input(time_s: f64, rate: Vector3<f64>) -> capture::Input {
     }
 }
 
-/// Largest difference between the velocities that `set_point` sends and the central differences of its poses: m/s and rad/s.
+/// Largest difference between the velocities of `set_point` and the central differences of its poses: m/s and rad/s.
 fn velocity_mismatch(set_point: impl Fn(f64) -> SetPoint, time_s: f64) -> f64 {
     let step_s = 1e-4;
     let [before, now, after] = [-step_s, 0.0, step_s].map(|offset| set_point(time_s + offset));
@@ -65,7 +65,7 @@ fn velocity_mismatch(set_point: impl Fn(f64) -> SetPoint, time_s: f64) -> f64 {
 
 #[test]
 fn velocities_are_the_derivatives_of_the_poses() {
-    // six times the baseline tumble as well: then the relative rotation turns while it is followed
+    // also six times the baseline tumble: then the axis of the relative rotation turns during the approach
     for factor in [1.0, 2.0, 6.0] {
         let rate = baseline_rate() * factor;
         let mut law = guidance();

@@ -1,4 +1,4 @@
-//! The navigation filter against simulated cameras: consistent, better than the camera, and right about the present.
+//! The navigation filter against simulated cameras: consistency, accuracy better than the camera's, and correct latency prediction.
 
 use guidance_laws::navigation::{CameraPose, NavigationFilter, Parameters, PositionAttitude, Update};
 use guidance_laws::target::TargetModel;
@@ -48,7 +48,7 @@ impl Normal {
     }
 }
 
-/// A camera with slow and white errors, as the filter believes it to be.
+/// A camera with slow and white errors, as modelled by the filter.
 struct Camera {
     normal: Normal,
     position_drift: Vector3<f64>,
@@ -82,7 +82,7 @@ impl Camera {
     }
 }
 
-/// A target whose velocities are drawn as the filter expects them.
+/// A target with velocities drawn from the filter's prior.
 fn drawn_target(parameters: &Parameters, seed: u64) -> TargetState {
     let mut normal = Normal(SplitMix(seed ^ 0xabcd));
     TargetState {
@@ -104,7 +104,7 @@ struct Run {
     attitude_error_rad: f64,
 }
 
-/// `parameters` describes the world, `believed` what the filter takes it for.
+/// `parameters` describes the simulated world, `believed` the filter's model of it.
 fn run(parameters: &Parameters, believed: &Parameters, seed: u64, duration_s: f64) -> Run {
     let start = drawn_target(parameters, seed);
     let mut camera = Camera::new(parameters, seed);
@@ -116,7 +116,7 @@ fn run(parameters: &Parameters, believed: &Parameters, seed: u64, duration_s: f6
         stamp_s = f64::from(picture) * CAMERA_PERIOD_S;
         truth = parameters.target.predicted(&start, stamp_s);
         let seen = camera.look(parameters, stamp_s, &truth);
-        // asked at its own stamp, so that the covariance and the estimate belong together
+        // evaluated at the pose's own stamp, so that covariance and estimate refer to the same time
         let estimate = filter.step(stamp_s, Some(&seen)).unwrap();
         if let Update::Accepted { nis } = estimate.update {
             nis_sum += nis;
@@ -185,7 +185,7 @@ fn the_estimate_bridges_the_latency() {
     let mut last = None;
     for tick in 0..2000 {
         let time_s = 0.01 * f64::from(tick);
-        // a camera without errors whose pictures arrive late; the newest one that has arrived is offered again and again
+        // a camera without errors but with latency; the newest pose that has arrived is offered repeatedly
         let arrived = ((time_s - LATENCY_S + 1e-9) / CAMERA_PERIOD_S).floor();
         let seen = (arrived >= 0.0).then(|| {
             let stamp_s = arrived * CAMERA_PERIOD_S;

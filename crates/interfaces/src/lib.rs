@@ -8,13 +8,13 @@
 //! the target's initial centre of mass as origin, B the servicer's base, E its end effector, T the target body, G the grasp
 //! frame fixed in T, D a desired frame.
 //!
-//! **A message of zeros means "nothing received yet"**: its quaternion, having no length, is no attitude. That is what a
-//! link delivers before the first sample unless the scenario says otherwise, and every reader must expect it.
+//! **A message of zeros means "nothing received yet"**: its quaternion has zero norm and is no attitude. A link delivers this
+//! message before the first sample unless the scenario specifies otherwise, and every consumer must handle it.
 //!
 //! # Model files
 //!
-//! [`files`] holds what plant, controller and guidance each read of the same servicer and target, so that one file serves
-//! all of them.
+//! [`files`] holds the data of servicer and target that plant, controller and guidance all read, so that one file serves all
+//! of them.
 
 pub mod files;
 mod messages;
@@ -23,5 +23,5 @@ pub use messages::*;
 
 /// Joints of the arm.
 pub const JOINTS: usize = 7;
-/// Joint coordinates of the pendulum that stands for the propellant.
+/// Joint coordinates of the pendulum that models the propellant.
 pub const SLOSH: usize = 2;

@@ -36,13 +36,13 @@ fn main() {
 }
 
 enum Mode {
-    /// So many rounds of each.
+    /// Number of rounds of each algorithm.
     Time(usize),
-    /// One pass of this one.
+    /// One pass of this algorithm.
     Count(String),
 }
 
-/// What callgrind counts: it starts and stops at this function.
+/// The region that callgrind counts: it starts and stops at this function.
 #[inline(never)]
 fn counted(calls: usize, f: &dyn Fn(usize)) {
     (0..calls).for_each(f);
@@ -142,7 +142,7 @@ fn case(tree: &Servicer, line: &str) -> Case {
     }
 }
 
-/// 64 states from a small generator, for when no file is given.
+/// 64 states from a small generator, used when no file is given.
 fn drawn_states() -> String {
     let mut seed = 7_u64;
     let mut uniform = move || {

@@ -1,5 +1,5 @@
-//! Draws the figures of `docs/slosh.md`: the bob sent past the pole of the first hinge, by the paper's two hinges and by
-//! the spherical pendulum.
+//! Draws the figures of `docs/slosh.md`: the bob passes the pole of the first hinge, with the paper's two hinges and with the
+//! spherical pendulum.
 //!
 //! `cargo run --release -p multibody --example slosh_pole -- docs/figures`
 
@@ -21,7 +21,7 @@ struct Run {
     damped: (f64, f64),
 }
 
-/// The bob swings from straight down towards +y, which it passes at `miss` rad (about), base and arm at rest before.
+/// The bob swings from straight down towards +y, which it passes at about `miss` rad; base and arm are initially at rest.
 /// `axial` is the bob's inertia about its rod.
 fn run(miss: f64, axial: f64, damping: f64) -> Run {
     let text = include_str!("../../../models/servicer.urdf");

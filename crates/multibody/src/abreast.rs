@@ -1,4 +1,4 @@
-//! Trees of one shape side by side.
+//! SIMD evaluation of several trees of one shape.
 
 use crate::integrate::{Flow, Rate};
 use crate::kernel::jacobian::{self, FrameConsts};
@@ -9,8 +9,8 @@ use crate::state::State;
 use crate::tree::{FrameId, Kinematics, Momentum, Tree, vector};
 use nalgebra::{SMatrix, SVector, Vector3};
 
-/// Trees with the same joints on the same bodies, each with its own masses and lengths, in the lanes of `T`: what is computed for
-/// all of them at once has in each lane the bits that [`Tree`] gives for that one alone.
+/// Trees with the same topology, each with its own masses and lengths, in the lanes of `T`: every result is bit-identical, lane by
+/// lane, to that of the single [`Tree`].
 ///
 /// ```
 /// use multibody::{Description, F64x4, Flow, Lanes, State, Tree, Trees, rk4};
@@ -45,8 +45,8 @@ pub struct Trees<const N: usize, const V: usize, T> {
 }
 
 impl<const N: usize, const V: usize, T: Lanes> Trees<N, V, T> {
-    /// Lane i is tree i; lanes behind the last are the last again. `None` without trees, for trees of different shapes, and where
-    /// there is gravity.
+    /// Lane i is tree i; surplus lanes repeat the last tree. `None` without trees, for trees of different shapes, and with
+    /// gravity.
     pub fn new(trees: &[&Tree<N, V>]) -> Option<Self> {
         let first = trees.first()?;
         let one_shape = |tree: &&Tree<N, V>| {
@@ -148,7 +148,7 @@ impl<const N: usize, const V: usize, T: Lanes> Trees<N, V, T> {
             let rate = nu[V - N + b.coordinate];
             -b.damping * rate * rate
         });
-        // what a sum of doubles begins with
+        // the initial value of a floating-point sum
         each.fold(T::of(-0.0), |sum, one| sum + one)
     }
 }
@@ -184,7 +184,7 @@ impl<const N: usize, const V: usize, T: Lanes> Flow for Trees<N, V, T> {
 }
 
 impl<const N: usize, const V: usize, T: Lanes> State<N, V, T> {
-    /// Lane i is state i; lanes behind the last are the last again.
+    /// Lane i is state i; surplus lanes repeat the last state.
     ///
     /// # Panics
     /// Without states.

@@ -1,4 +1,4 @@
-//! The same algorithms on a tree whose size is only known at run time: for tools that are handed any file.
+//! The same algorithms on a tree of run-time size, for tools that accept arbitrary files.
 
 use crate::description::{Description, Mimic};
 use crate::kernel::jacobian::{frame_at, jacobian};
@@ -12,10 +12,10 @@ use crate::{Momentum, Placement};
 use core::ops::{Index, IndexMut};
 use nalgebra::Vector3;
 
-/// A tree of any number of joints. Same code and same bits as [`Tree`](crate::Tree), with scratch space on the heap.
+/// A tree with any number of joints. Same code and same bits as [`Tree`](crate::Tree), with scratch space on the heap.
 ///
-/// Joints may follow others ([`Mimic`]): the coordinates are then those of the joints that follow none, and every matrix and vector is
-/// in them. Without such joints nothing is different.
+/// Joints may follow others ([`Mimic`]): the coordinates are then those of the independent joints, and every matrix and vector refers to
+/// them. Without such joints nothing is different.
 #[derive(Clone, Debug)]
 pub struct DynTree {
     constants: Constants,
@@ -36,7 +36,7 @@ pub struct DynState {
     pub nu: Vec<f64>,
 }
 
-/// A matrix whose size is known at run time, column by column.
+/// A matrix of run-time size, column by column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dense {
     /// Number of rows.
@@ -55,7 +55,7 @@ impl Dense {
         }
     }
 
-    /// Solution of a system whose matrix is this one, symmetric and positive definite: elimination without pivoting.
+    /// Solves a linear system with this symmetric positive definite matrix by elimination without pivoting.
     #[allow(clippy::needless_range_loop)] // the indices are those of the textbook
     fn solve(mut self, mut x: Vec<f64>) -> Vec<f64> {
         for k in 0..self.rows {
@@ -98,21 +98,21 @@ impl IndexMut<(usize, usize)> for Dense {
 /// One line of a tree's listing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyInfo {
-    /// Link that gives the body its name; links fixed to it are merged into it.
+    /// Link after which the body is named; links fixed to it are merged into it.
     pub link: String,
     /// Joint that moves it, `None` for the base.
     pub joint: Option<String>,
-    /// Whether that joint slides.
+    /// Whether that joint is prismatic.
     pub prismatic: bool,
     /// Name of the parent body's link.
     pub parent: Option<String>,
-    /// Index of the joint coordinate; of the one it follows, for a joint that follows another.
+    /// Index of the joint coordinate; for a joint that follows another, that of the joint it follows.
     pub coordinate: Option<usize>,
     /// How the joint follows another, if it does.
     pub mimic: Option<Mimic>,
     /// Steps from the base.
     pub depth: usize,
-    /// Mass with everything merged (kg).
+    /// Mass, merged links included (kg).
     pub mass: f64,
     /// Damping of the joint.
     pub damping: f64,
@@ -121,7 +121,7 @@ pub struct BodyInfo {
 }
 
 impl DynTree {
-    /// Builds the tree on a floating or a fixed base; refuses what [`Tree::new`](crate::Tree::new) refuses.
+    /// Builds the tree on a floating or a fixed base; rejects the same mechanisms as [`Tree::new`](crate::Tree::new).
     pub fn new(description: &Description, floating: bool) -> Result<Self, TreeError> {
         let constants = Constants::new(description)?;
         check_inertia(&constants, floating)?;
@@ -141,7 +141,7 @@ impl DynTree {
         }
     }
 
-    /// All joints and velocities.
+    /// Number of velocities of all joints, followers included.
     fn full_dim(&self) -> usize {
         self.model().offset() + self.constants.bodies.len()
     }
@@ -390,7 +390,7 @@ impl DynTree {
     }
 
     /// Mass, centre of mass and momentum of each body in B axes, in the order of [`DynTree::bodies`]; the angular momentum is
-    /// about the body's own centre of mass. A body without mass has its origin for a centre of mass.
+    /// about the body's own centre of mass. For a massless body the origin stands for the centre of mass.
     pub fn body_momenta(&self, s: &DynState) -> Vec<Momentum> {
         let (placed, rates) = self.placed(s);
         let v = self.model().base_part(&s.nu).1;
@@ -419,10 +419,10 @@ impl DynTree {
     }
 }
 
-/// Refuses a mechanism in which some pivot of the factorised mass matrix (the articulated-body algorithm divides by
-/// the same numbers) vanishes at each of a few generic configurations: such a part has no inertia to accelerate,
-/// whatever the configuration. (A pivot that vanishes only at special configurations, as a point bob's does in line with
-/// its first hinge, cannot be refused here.)
+/// Rejects a mechanism in which some pivot of the factorised mass matrix (the articulated-body algorithm divides by
+/// the same numbers) vanishes at each of a few generic configurations: such a part has no inertia in any configuration.
+/// (A pivot that vanishes only at special configurations, such as a point bob's in line with its first hinge, cannot be
+/// detected here.)
 pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeError> {
     const VANISHED: f64 = 1.0e-12;
     let tree = DynTree {
@@ -449,7 +449,7 @@ pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeErr
         };
         let (mut m, _) = tree.mass_and_coriolis(&state);
         let whole: Vec<f64> = (0..tree.dim()).map(|k| m[(k, k)]).collect();
-        // leaves first, base last: the order in which the recursion eliminates
+        // leaves first, base last: the elimination order of the recursion
         let joints = c
             .bodies
             .iter()

@@ -26,7 +26,7 @@
 //!
 //! # Notation
 //!
-//! Monogram, once and for all: `p_AB` is the position of B's origin from A's, in A axes; `R_AB` (`r` in a
+//! Monogram notation throughout: `p_AB` is the position of B's origin from A's, in A axes; `R_AB` (`r` in a
 //! [`Placement`], `quat_AB` as a quaternion) takes components in B axes to A axes, so neighbouring letters cancel:
 //! `p_NE = p_NB + R_NB p_BE`. `omega_AB` is the angular velocity of B relative to A; `v_AB` the velocity of B's origin
 //! relative to A. A trailing `_B` names the axes when they are not those of the first letter: `v_NB_B`. N is the inertial
@@ -38,7 +38,7 @@
 //! * Generalised velocity `ν = [ω_NB; v_NB; q̇]`, both base vectors in B axes and `v_NB` that of B's origin; generalised
 //!   force `τ = [torque about B's origin; force; joint torques]`, B axes, so that `τᵀ ν` is power. A fixed base has the
 //!   joints alone.
-//! * Joint coordinates are in the order of the joints in the description, whatever the shape of the tree.
+//! * Joint coordinates are in the order of the joints in the description, whatever the topology of the tree.
 //! * `M ν̇ + C ν = τ − D q̇ − K (q − q₀)`: C is the Christoffel-consistent factorisation, dampers and springs are on the
 //!   right. A reflected motor inertia is added to its joint's diagonal element of M (the rotor's own gyroscopic effect is
 //!   neglected, as is usual for high gear ratios).
@@ -48,7 +48,7 @@
 //!
 //! Everything is computed in base axes about the joints' own origins; neither the position nor the velocity of the base
 //! enters the dynamics (see `kernel`), so a base 7,000 km from the world's origin costs no digit. Angles may be large
-//! (1e5 rad and beyond). Not-a-number in gives not-a-number out.
+//! (1e5 rad and beyond). NaN inputs give NaN outputs.
 //!
 //! # Determinism
 //!

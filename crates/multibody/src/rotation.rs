@@ -4,7 +4,7 @@ use crate::num::{Number, sin_cos};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// A quaternion `w + x i + y j + z k` (Hamilton). As an attitude, `quat_AB` turns components in B axes into
+/// A quaternion `w + x i + y j + z k` (Hamilton). As an attitude, `quat_AB` transforms components in B axes into
 /// components in A axes, and a body rate ω (B axes) moves it by `½ q ⊗ [0, ω]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quaternion<T = f64> {

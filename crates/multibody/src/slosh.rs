@@ -13,7 +13,7 @@
 //! * so the base feels the force −m (a_h + l d̈), which is an articulated inertia without a joint to eliminate:
 //!   `f = m [(1 − κ) 1 + κ d dᵀ] a_h + (m l/J) τ × d − m l |ḋ|² d`, κ = m l²/J, and the torque −τ.
 //!
-//! The tree's forward dynamics takes that in as a load on its base, and the pendulum follows from a_h.
+//! The tree's forward dynamics includes this as a load on its base, and the pendulum's acceleration follows from a_h.
 
 use crate::description::{Inertia, Placement};
 use crate::integrate::{Flow, Rate};
@@ -42,7 +42,7 @@ pub struct SphericalSlosh {
     pub rest: Vector3<f64>,
 }
 
-/// Why a pendulum is refused.
+/// Errors of the pendulum's parameters.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("slosh pendulum: {what} is {value}; {remedy}")]
 pub struct SloshError {
@@ -124,7 +124,7 @@ pub fn from_two_hinges(q: [f64; 2], rates: [f64; 2]) -> (Vector3<f64>, Vector3<f
 }
 
 impl<const N: usize, const V: usize> SloshTree<N, V> {
-    /// Hangs `slosh` on the base of `tree`, which must float and must not already contain that mass.
+    /// Attaches `slosh` to the base of `tree`, which must be floating and must not already contain that mass.
     pub fn new(tree: Tree<N, V>, slosh: SphericalSlosh) -> Result<Self, SloshError> {
         const { assert!(V == N + 6, "the slosh pendulum hangs on a floating base") };
         slosh.check()?;
@@ -198,7 +198,7 @@ impl<const N: usize, const V: usize> SloshTree<N, V> {
         self.momentum_and_energy(s).1
     }
 
-    /// Both for the price of one.
+    /// Momentum and kinetic energy in one pass.
     pub fn momentum_and_energy(&self, s: &SloshState<N, V>) -> (Momentum, f64) {
         let c = &self.slosh;
         let kinematics = self.tree.kinematics(&s.tree.q, &s.tree.nu);

@@ -1,4 +1,4 @@
-//! Where a tree is and how it moves.
+//! State of a tree: configuration and velocity.
 
 use crate::description::Placement;
 use crate::num::Number;

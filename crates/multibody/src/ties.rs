@@ -1,15 +1,15 @@
-//! Joints that follow others: an exact reduction.
+//! Joints that follow others (mimic joints): an exact coordinate reduction.
 //!
 //! All positions are `q = G q_r + g` of the joint coordinates `q_r`, with a constant matrix G of multipliers, and all velocities
 //! `ν = G ν_r`. Virtual work then gives the equations of motion in `q_r` from those of the tree in which every joint is free:
-//! `Gᵀ M G`, `Gᵀ C G`, `Gᵀ τ`, and `J G` for a Jacobian. G is constant, so nothing of it is differentiated: `Gᵀ C ν` is the bias
-//! force, and `Ṁ − 2C` stays skew.
+//! `Gᵀ M G`, `Gᵀ C G`, `Gᵀ τ`, and `J G` for a Jacobian. G is constant and has no derivative: `Gᵀ C ν` is the bias force, and
+//! `Ṁ − 2C` stays skew.
 
 use crate::description::Tie;
 use crate::num::Real;
 use std::borrow::Cow;
 
-/// The columns that G adds up, for velocities with `offset` numbers of the base in front.
+/// The columns that G sums, for velocities that start with `offset` base components.
 #[derive(Clone, Copy)]
 pub(crate) struct Ties<'a> {
     pub ties: Option<&'a [Tie]>,

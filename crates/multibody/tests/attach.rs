@@ -1,4 +1,4 @@
-//! A body welded to a tree that exists already has the dynamics of one that was described with it.
+//! A body welded to an existing tree gives the same dynamics as one included in the description.
 
 use multibody::{Description, Inertia, Joint, JointKind, Link, Placement, State, Tree};
 use nalgebra::{Matrix3, SVector, Vector3};

@@ -1,4 +1,4 @@
-//! One result, whichever way it is computed: four lanes, one state, a tree of static or of dynamic size.
+//! Bit-identical results in all evaluation modes: four lanes, one state, a tree of static or of dynamic size.
 
 mod common;
 
@@ -86,8 +86,8 @@ fn static_and_dynamic_trees_have_the_same_bits() {
     }
 }
 
-/// The bits themselves, so that another machine, another compiler or a build without FMA that gave others would be
-/// noticed: 100 steps of the stock servicer, hashed.
+/// The bits themselves, to detect a machine, a compiler or a build without FMA that gives different ones: 100 steps of
+/// the stock servicer, hashed.
 #[test]
 fn the_bits_of_a_short_motion_are_these() {
     let tree = Tree::<9, 15>::new(&servicer()).expect("valid");
@@ -141,7 +141,7 @@ fn changed(description: &Description, rng: &mut Rng) -> Description {
     out
 }
 
-/// Trees of one shape in lanes, each against itself alone: a step, and what is told of a state.
+/// Trees of one shape in lanes, each compared with itself alone: a step, and the quantities computed from a state.
 fn trees_in_lanes<T: Lanes>(seed: u64) {
     let mut rng = Rng::new(seed);
     let shape = servicer();

@@ -1,4 +1,4 @@
-//! What published files hold beside the subset that is read: taken, warned of or refused, each with its line.
+//! Content of published files beyond the supported subset: accepted, warned of or rejected, each with its line.
 
 use multibody::{Description, DynState, DynTree, Quaternion, UrdfOptions, UrdfReading};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -61,7 +61,7 @@ fn quaternion_origin_is_the_attitude_that_rpy_gives() {
     let difference = by_rpy.joints[0].origin.r - by_quaternion.joints[0].origin.r;
     assert!(difference.amax() < 1e-15, "{difference}");
 
-    // an inertia in turned axes
+    // an inertia in rotated axes
     let hull = HULL
         .replace("<mass", &format!(r#"<origin xyz="0 0 0" quat_xyzw="{quarter}"/><mass"#))
         .replace("iyy=\"1\" izz=\"1\"", "iyy=\"2\" izz=\"2.5\"");
@@ -132,7 +132,7 @@ fn unexpanded_xacro_is_refused_at_every_place() {
         "{error}"
     );
     assert!(refused(&robot("").replace("hull", "$(arg side)_hull")).contains("is not expanded"));
-    // for others
+    // for other tools
     read(&robot("<gazebo><xacro:insert/></gazebo>"));
 }
 
@@ -177,7 +177,7 @@ fn second_element_where_one_is_read_is_refused() {
 
 #[test]
 fn placeholder_that_vanishes_in_its_body_is_taken() {
-    // a microgram that no distribution of mass has, fixed to the hull
+    // a microgram with a physically impossible inertia, fixed to the hull
     let text = robot(&(link("imu", 1e-6, [1e-6, 0.0, 0.0]) + "\n" + &joint("fixed", "imu", "")));
     let reading = read(&text);
     assert_eq!(reading.warnings.len(), 1);
@@ -187,13 +187,13 @@ fn placeholder_that_vanishes_in_its_body_is_taken() {
         "{warning}"
     );
     DynTree::new(&reading.description, true).unwrap();
-    // where it moves on its own it is a body, and refused
+    // on a moving joint it is a separate body, and rejected
     let error = refused(&text.replace("fixed", "continuous"));
     assert!(
         error.starts_with("line 3: link `imu`") && error.contains("triangle"),
         "{error}"
     );
-    // rounding is no mass
+    // rounding residue is not a mass
     let rounded =
         robot(&(link("frame", 0.0, [0.0; 3]).replace("ixz=\"0\"", "ixz=\"2.4e-35\"") + &joint("fixed", "frame", "")));
     assert!(read(&rounded).warnings.is_empty());
@@ -231,7 +231,7 @@ fn all_mistakes_are_told_at_once_each_with_its_line() {
         [Some(2), Some(3), Some(4), Some(4), Some(5), Some(5), Some(6)],
         "{errors}"
     );
-    // of the tree as a whole, too
+    // also for errors of the whole tree
     let two = robot(&(link("a", -1.0, [0.1; 3]) + "\n" + &link("b", 1.0, [1.0, 0.1, 0.1]) + "\n")).replace(
         "</robot>",
         &(joint("continuous", "a", "") + "\n" + &joint("continuous", "b", "<axis xyz=\"0 0 0\"/>") + "</robot>"),

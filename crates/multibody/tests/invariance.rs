@@ -1,4 +1,4 @@
-//! Descriptions that say the same thing differently give the same mechanism.
+//! Equivalent descriptions give the same mechanism.
 
 mod common;
 
@@ -60,7 +60,7 @@ proptest! {
         let mut split = d.clone();
         let link = (0..=n).rev().find(|&i| d.links[i].inertia.is_some_and(|i| i.mass > 0.0)).expect("one has mass");
         let whole = d.links[link].inertia.expect("just found");
-        // take out a ball of a tenth of the mass, near the centre of mass, and hang it on by a fixed joint
+        // remove a ball of a tenth of the mass, near the centre of mass, and attach it by a fixed joint
         let (mass, at) = (0.1 * whole.mass, whole.com + rng.vector() * 0.02);
         let ball = Matrix3::identity() * 1e-3;
         let rest = whole.mass - mass;
@@ -136,7 +136,7 @@ proptest! {
         prop_assert!(motion_size(&m, &minus(&at_a, &at_b)) < 1e-11 * motion_size(&m, &at_b));
     }
 
-    /// A branched tree whose file names children before parents keeps its coordinates in the order of the file.
+    /// A branched tree with children listed before parents in the file keeps its coordinates in the order of the file.
     #[test]
     fn the_order_of_the_file_is_the_order_of_the_coordinates(seed: u64, n in 2_usize..=12) {
         let mut rng = Rng::new(seed);
@@ -160,8 +160,8 @@ proptest! {
         prop_assert!(motion_size(&m, &minus(&got, &want)) < 1e-11 * motion_size(&m, &want));
     }
 
-    /// Turning the world, base and gravity together changes nothing; and a uniform field accelerates a free base by
-    /// itself, its joints not at all.
+    /// Rotating the world, base and gravity together changes nothing; and a uniform field accelerates a free base by the
+    /// field itself, and its joints not at all.
     #[test]
     fn gravity_and_the_pose_of_the_base(seed: u64) {
         let mut rng = Rng::new(seed);
@@ -192,7 +192,7 @@ proptest! {
         prop_assert!((back - tau).norm() < 1e-10 * tau.norm());
     }
 
-    /// A joint frozen in the description moves as one held still by hand would.
+    /// A joint frozen in the description gives the same motion as a joint held by a constraint force.
     #[test]
     fn freezing_joints_gives_the_block_of_the_mass_matrix(seed: u64, n in 2_usize..=12) {
         let mut rng = Rng::new(seed);
@@ -223,7 +223,7 @@ fn less_rows(m: &[Vec<f64>], at: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// A fixed base is a floating one that something holds.
+/// A fixed base is equivalent to a floating base held by a constraint wrench.
 #[test]
 fn fixed_base_is_a_held_floating_base() {
     let mut rng = Rng::new(11);

@@ -1,4 +1,4 @@
-//! Joints that follow others, against the tree in which they are free and held by constraint forces.
+//! Joints that follow others, compared with the tree in which they are free and held by constraint forces.
 
 mod common;
 
@@ -39,7 +39,7 @@ fn follow(d: &mut Description, rng: &mut Rng, n: usize) -> Vec<Follower> {
     followers
 }
 
-/// The state of all joints from that of the ones that follow none: link by link, as the definition says it.
+/// The state of all joints from that of the independent ones: link by link, by definition.
 fn expanded(followers: &[Follower], s: &DynState, n: usize) -> DynState {
     let mut all = DynState {
         q: vec![0.0; n],
@@ -102,7 +102,7 @@ proptest! {
         let s = state(&mut rng, own);
         let all = expanded(&followers, &s, n);
         let tau = rng.list(6 + own, 5.0);
-        // the drives of the joints that follow none
+        // the drives of the independent joints
         let is_own = |joint: &usize| followers.iter().all(|f| f.joint != *joint);
         let mut drives = vec![0.0; 6 + n];
         drives[..6].copy_from_slice(&tau[..6]);
@@ -116,7 +116,7 @@ proptest! {
         let m = m.to_rows();
         prop_assert!(motion_size(&m, &minus(&found, &expected)) < 1e-8 * motion_size(&m, &expected));
 
-        // what does not depend on the choice of coordinates
+        // quantities that do not depend on the choice of coordinates
         prop_assert!((tied.kinetic_energy(&s) - free.kinetic_energy(&all)).abs() < 1e-12 * free.kinetic_energy(&all));
         let momentum: Vec<f64> = times(&m, &s.nu);
         let energy: f64 = momentum.iter().zip(&s.nu).map(|(p, v)| 0.5 * p * v).sum();
@@ -158,14 +158,14 @@ fn gripper_of_two_fingers_has_one_coordinate() {
         q: vec![0.02],
         nu: vec![0.0; 7],
     };
-    // both fingers move, and symmetric fingers push the palm nowhere
+    // both fingers move, and symmetric fingers exert no net force on the palm
     let m = tree.mass_and_coriolis(&s).0;
     assert!((m[(6, 6)] - 0.2).abs() < 1e-15 && m[(4, 6)].abs() < 1e-15);
     let right = tree.placement_in_world(&s, tree.frame("right").unwrap());
     assert!((right.p.y + 0.03).abs() < 1e-15, "{}", right.p);
     let a = tree.forward_dynamics(&s, &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
     assert!((a[6] - 5.0).abs() < 1e-12, "{a:?}");
-    // frozen, the other finger stays where it follows to
+    // when one finger is frozen, the other stays at its follower position
     let mut frozen = d.clone();
     frozen.freeze("grip", 0.02).expect("it moves");
     assert_eq!(frozen.dof(), 0);
@@ -176,7 +176,7 @@ fn gripper_of_two_fingers_has_one_coordinate() {
         ..s
     };
     assert!((frozen.placement_in_world(&still, frozen.frame("right").unwrap()).p.y + 0.03).abs() < 1e-15);
-    // a tree of static size says what to do
+    // the error of a tree of static size states the remedy
     let error = Tree::<1, 7>::new(&d).unwrap_err();
     assert!(
         matches!(&error, TreeError::Mimic { joint, .. } if joint == "grip_2"),

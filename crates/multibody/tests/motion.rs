@@ -1,4 +1,4 @@
-//! Motion of the stock servicer: what is conserved, at which order, and back again.
+//! Motion of the stock servicer: conservation, convergence order, and time reversal.
 
 mod common;
 
@@ -140,7 +140,7 @@ fn observed_orders() {
     let (s, tau) = brisk();
     let t = 0.8;
     let truth = run(&tree, Method::Dop853, &s, &tau, t / 800.0, 800);
-    // at steps this long dop853's eighth-order error is not yet the whole of it, and at shorter ones rounding is
+    // at steps this long dop853's eighth-order error does not yet dominate, and at shorter ones rounding does
     for (method, steps, order) in [
         (Method::Rk4, 160, 3.9..4.1),
         (Method::Rkmk4, 160, 3.9..4.1),
@@ -170,7 +170,7 @@ fn time_runs_backwards() {
     }
 }
 
-/// A torque-free axisymmetric body turns as Euler said: ω precesses at (I₃ − I₁)/I₁ · ω₃ in body axes.
+/// Torque-free motion of an axisymmetric body (Euler): ω precesses at (I₃ − I₁)/I₁ · ω₃ in body axes.
 #[test]
 fn torque_free_symmetric_top() {
     let inertia = Inertia {

@@ -1,7 +1,7 @@
-//! What it costs that the world of the stock scenarios does not orbit: bounds for the pages (`docs/models/paper.md`).
+//! Error of neglecting orbital motion in the stock scenarios: bounds quoted in `docs/models/paper.md`.
 //!
-//! In a frame that keeps its directions and moves with the target, gravity leaves the tide: a body at r feels
-//! n² (3 e (e · r) − r) a unit of mass, where n is the orbital rate and e points away from Earth. Along e that is 2 n² r, the most it can be.
+//! In a non-rotating frame that moves with the target, the gravity gradient remains: a body at r experiences n² (3 e (e · r) − r)
+//! per unit of mass, where n is the orbital rate and e points away from Earth. Along e that is 2 n² r, the maximum.
 
 use multibody::nalgebra::{Matrix3, Vector3};
 use multibody::{Description, DynTree};
@@ -27,7 +27,7 @@ fn servicer() -> (f64, Matrix3<f64>) {
     let mut q = [0.0, 40.0, 0.0, 80.0, 0.0, 40.0, 0.0].map(f64::to_radians).to_vec();
     q.resize(tree.joints(), 0.0);
     let (m, n) = (tree.mass_matrix_in(&q), 6 + tree.joints());
-    // About the base's origin: the inertia, and the mass times the centre of mass as a skew matrix beside it.
+    // About the base's origin: the inertia, and next to it the mass times the centre of mass as a skew matrix.
     let block = |row: usize, column: usize| Matrix3::from_fn(|i, j| m[(row + i) * n + column + j]);
     let (about_base, coupling, mass) = (block(0, 0), block(0, 3), m[3 * n + 3]);
     let skew = coupling / mass;
@@ -49,8 +49,8 @@ fn tide_on_the_servicer_is_within_the_bounds_of_the_page() {
     assert!((8.7e-5..8.8e-5).contains(&torque), "{torque} N m");
 }
 
-/// How far a body that is let go at `offset` from another one on a circular orbit has come off after `TIME`, m: both as
-/// points in Earth's field, by Runge-Kutta steps of 50 ms.
+/// Drift after `TIME`, m, of a body released at `offset` from another one on a circular orbit: both as points in Earth's
+/// field, by Runge-Kutta steps of 50 ms.
 fn drift(offset: Vector3<f64>) -> f64 {
     let radius = EARTH_RADIUS + HEIGHT;
     let speed = Vector3::new(0.0, (EARTH / radius).sqrt(), 0.0);
@@ -76,7 +76,7 @@ fn free_drift_within_a_far_capture_is_that_of_the_tide() {
     let (r, n) = (Vector3::from(FAR).norm(), rate_squared().sqrt());
     let (up, along) = (drift(Vector3::new(r, 0.0, 0.0)), drift(Vector3::new(0.0, r, 0.0)));
     println!("drift {up:.4} m up, {along:.4} m along");
-    // For short times n² r t² up and half of that along the orbit; the turning of e and the growth come later, as (n t)².
+    // For short times n² r t² radially and half of that along the orbit; the rotation of e and the growth enter later, as (n t)².
     let tide = n * n * r * TIME * TIME;
     assert!((up / tide - 1.0).abs() < (n * TIME).powi(2), "{up} m against {tide} m");
     assert!(

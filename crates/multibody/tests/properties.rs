@@ -1,5 +1,5 @@
-//! What must hold for every tree, state and force: random trees of 1 to 12 joints (skew axes, random placements,
-//! prismatic joints, massless bodies, motors, springs, dampers), thousands of them.
+//! Properties that hold for every tree, state and force, on thousands of random trees of 1 to 12 joints (skew axes, random
+//! placements, prismatic joints, massless bodies, motors, springs, dampers).
 
 mod common;
 
@@ -43,7 +43,7 @@ fn cases() -> ProptestConfig {
     }
 }
 
-/// Relative to `size`, or absolute where there is nothing to be relative to.
+/// Error relative to `size`, or absolute if `size` is zero.
 fn relative(error: f64, size: f64) -> f64 {
     error / size.max(1e-6)
 }
@@ -94,7 +94,7 @@ proptest! {
         prop_assert!(relative(0.5 * twice - tree.kinetic_energy(&s), twice).abs() < 1e-13);
     }
 
-    /// Either alone can be met by a wrong C.
+    /// Either property alone can be satisfied by a wrong C.
     #[test]
     fn coriolis_matrix_gives_the_bias_and_its_symmetric_part_the_rate_of_m(seed: u64, n in 1_usize..=12) {
         let Case { tree, s, m, c, .. } = case(seed, n);
@@ -176,7 +176,7 @@ proptest! {
             prop_assert!((j[(row, column)] - x.v).abs() < 1e-13 * 10.0);
             prop_assert!((j_rate[(row, column)] - x.d).abs() < 1e-12 * 10.0, "row {row} column {column}");
         }
-        // the base columns: a frame's velocity is the base's, carried over
+        // the base columns: a frame's velocity is the base's, transformed to the frame
         let (p, r) = tree.placement_in(&s.q, frame);
         let (p, r) = (Vector3::from(p), Matrix3::from_columns(&r.map(Vector3::from)));
         for k in 0..3 {
@@ -189,7 +189,7 @@ proptest! {
         }
     }
 
-    /// The base's place and a velocity common to all bodies leave the motion of the joints as it is, to the last bit.
+    /// The base's position and a velocity common to all bodies do not change the motion of the joints by a single bit.
     #[test]
     fn where_the_base_is_and_how_fast_it_flies_costs_no_digit(seed: u64, n in 1_usize..=12) {
         let Case { mut rng, tree, s, m, .. } = case(seed, n);

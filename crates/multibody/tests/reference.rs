@@ -1,5 +1,5 @@
-//! The baseline servicer against 50-digit arithmetic and Pinocchio (`data/dynamics-reference.json`; where the numbers
-//! come from is in `data/README.md`). Every tolerance is the project's acceptance limit, in scale-free metrics.
+//! The baseline servicer against 50-digit arithmetic and Pinocchio (`data/dynamics-reference.json`; provenance of the
+//! numbers in `data/README.md`). Every tolerance is the project's acceptance limit, in scale-free metrics.
 
 mod common;
 

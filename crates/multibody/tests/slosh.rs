@@ -1,5 +1,5 @@
-//! The spherical pendulum against the paper's two hinges: the same motion where both are regular, and only one of them
-//! through the pole.
+//! The spherical pendulum against the paper's two hinges: the same motion where both are regular, and only the spherical
+//! one passes through the pole.
 
 mod common;
 
@@ -10,8 +10,8 @@ use nalgebra::{Matrix3, SVector, Vector3};
 type Hinged = Tree<9, 15>;
 type Spherical = SloshTree<7, 13>;
 
-/// Both models of one bob: without inertia about its rod (which the spherical one has not) and without dampers (those of
-/// the hinges act on hinge rates, the other on the bob's).
+/// Both models of one bob: without inertia about its rod (which the spherical model lacks) and without dampers (the hinges'
+/// act on hinge rates, the spherical pendulum's on the bob's rate).
 fn both(damping: f64, stiffness: f64) -> (Hinged, Spherical) {
     let mut hinged = servicer();
     for joint in ["slosh_y", "slosh_x"] {
@@ -73,7 +73,7 @@ fn both_agree_where_both_are_regular() {
     assert!(worst < 1e-10, "{worst:e}");
 }
 
-/// With springs and dampers the two differ in how these act, to second order in the angles.
+/// With springs and dampers the two models differ to second order in the angles.
 #[test]
 fn small_swings_with_spring_and_damper_agree_to_second_order() {
     let (hinged, spherical) = both(0.0131, 0.5);
@@ -99,7 +99,7 @@ fn small_swings_with_spring_and_damper_agree_to_second_order() {
 #[test]
 fn the_spherical_pendulum_conserves_through_the_pole() {
     let (_, spherical) = both(0.0, 0.0);
-    // straight at the pole of the first hinge (d = +y), missing it by a hair
+    // towards the pole of the first hinge (d = +y), which it narrowly misses
     let (_, mut s) = start([1e-6, 0.2], [0.0, 1.5]);
     s.tree.nu.fill(0.0);
     let of = |s: &SloshState<7, 13>| {

@@ -1,4 +1,4 @@
-//! Where the stock pendulum comes from: linear slosh in a half-full sphere, and the damping that was measured in one.
+//! Derivation of the stock pendulum: linear slosh in a half-full sphere, and the damping measured in one.
 
 mod common;
 
@@ -94,7 +94,7 @@ fn pendulum(r: f64) -> Pendulum {
     let (lambda, part) = first_mode();
     let liquid_kg = DENSITY * 2.0 * PI / 3.0 * r.powi(3);
     let (mass_kg, length_m) = (part * liquid_kg, r / lambda);
-    // logarithmic decrement in half-full spheres, Sumner and Stofan 1963 (NASA TN D-1991), as NASA SP-106 has it
+    // logarithmic decrement in half-full spheres, Sumner and Stofan 1963 (NASA TN D-1991), as quoted in NASA SP-106
     let diameter = 2.0 * r;
     let decrement = 0.131
         * libm::pow(
@@ -148,7 +148,7 @@ fn stock_pendulum_is_that_of_its_tank() {
     assert!((p.damping_kg_m2_s - damping).abs() < 5e-5, "{}", p.damping_kg_m2_s);
 }
 
-/// The radius follows from the damping, which is the published number: it grows nearly as R⁴.
+/// The radius follows from the published damping, which grows nearly as R⁴.
 #[test]
 fn radius_follows_from_the_published_damping() {
     let (mut low, mut high) = (0.1, 0.4);
@@ -175,7 +175,7 @@ fn large_tank_has_the_same_shape_of_pendulum() {
         p.liquid_kg
     );
     assert!((p.length_m - length).abs() < 5e-4);
-    // at 1 g its own would be nine times that of the small tank, which the scenario keeps
+    // at 1 g its own damping would be nine times that of the small tank, which the scenario keeps
     assert!(
         damping == 0.0131 && (p.damping_kg_m2_s / damping - 9.1).abs() < 0.2,
         "{}",

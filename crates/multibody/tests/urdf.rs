@@ -1,4 +1,4 @@
-//! What a URDF may say, what is refused, and that a refusal names its culprit and the way out.
+//! Accepted and rejected URDF content; every error names the offending element and the remedy.
 
 mod common;
 
@@ -41,7 +41,7 @@ fn the_plain_one_is_fine() {
 const REVOLUTE: &str = r#"type="revolute""#;
 const AXIS: &str = r#"<axis xyz="0 1 0"/>"#;
 
-/// What is replaced by what, and words of the refusal.
+/// Text to replace, its replacement, and words of the error.
 const REFUSED: [(&str, &str, &[&str]); 20] = [
     (
         REVOLUTE,
@@ -156,7 +156,7 @@ fn massless_bodies_may_carry_but_not_end_a_chain() {
         error.to_string().contains("`wrist`") && error.to_string().contains("motor inertia"),
         "{error}"
     );
-    // inverse dynamics would do, forward dynamics does with a motor
+    // inverse dynamics would work; forward dynamics works with a motor
     let mut with_motor = d.clone();
     with_motor.add_motor_inertia("wrist", 0.01).expect("it exists");
     Tree::<2, 8>::new(&with_motor).expect("a motor is inertia enough");

@@ -1,4 +1,4 @@
-//! Designs of experiments, distributions, subset simulation, and statistics of what came out. Values in, values out.
+//! Designs of experiments, distributions, subset simulation, and statistics of the results. Values in, values out.
 //!
 //! ```
 //! use sampling::design::Coordinate;
@@ -10,9 +10,9 @@
 //! assert!((100.0..200.0).contains(&mass));
 //! ```
 //!
-//! A *coordinate* is one axis of the unit cube: number k of a point gives a number in (0, 1), a function of seed, name and k alone.
-//! A distribution makes its value of as many coordinates as it needs, by inverse distribution functions, so any design serves
-//! any distribution.
+//! A *coordinate* is one axis of the unit cube: it maps the index k of a point to a number in (0, 1), a function of seed, name and k
+//! alone. A distribution computes its value from as many coordinates as it needs, by inverse distribution functions, so any design
+//! serves any distribution.
 
 pub mod design;
 pub mod distribution;

@@ -1,4 +1,4 @@
-//! Designs against what they promise.
+//! Guaranteed properties of the designs.
 
 mod common;
 
@@ -99,7 +99,7 @@ fn draws_depend_on_seed_name_and_number_alone() {
     assert_ne!(a.at(7), Coordinate::random(2, "mass[0]").at(7));
     let rho = sampling::statistics::correlation(&values(&a), &values(&b)).unwrap();
     assert!(rho.abs() < 0.03, "{rho}");
-    // the scrambling of one dimension says nothing of another
+    // the scramblings of two dimensions are independent
     let (a, b) = (
         Coordinate::sobol(1, "a", 4).unwrap(),
         Coordinate::sobol(1, "b", 4).unwrap(),
@@ -110,7 +110,7 @@ fn draws_depend_on_seed_name_and_number_alone() {
     }
 }
 
-/// The numbers of a campaign must stay what they are: a table is found again by them.
+/// The numbers of a campaign must not change: existing tables are matched by them.
 #[test]
 fn documented_draws_hold() {
     let axes = [

@@ -1,4 +1,4 @@
-//! Draws against their distributions: quantiles of SciPy, Kolmogorov and Smirnov's test, moments, correlations.
+//! Samples against their distributions: quantiles of SciPy, Kolmogorov-Smirnov test, moments, correlations.
 
 mod common;
 
@@ -7,7 +7,7 @@ use sampling::design::Coordinate;
 use sampling::distribution::*;
 
 const N: u64 = 10_000;
-/// √N times the distance of Kolmogorov and Smirnov exceeds this with a probability of 0.001.
+/// √N times the Kolmogorov-Smirnov distance exceeds this with a probability of 0.001.
 const KOLMOGOROV: f64 = 1.95;
 
 fn draws(scalar: Scalar, name: &str) -> Vec<f64> {
@@ -15,7 +15,7 @@ fn draws(scalar: Scalar, name: &str) -> Vec<f64> {
     (0..N).map(|k| scalar.quantile(coordinate.at(k))).collect()
 }
 
-/// The distance of Kolmogorov and Smirnov, times √n.
+/// The Kolmogorov-Smirnov distance, times √n.
 fn distance(mut values: Vec<f64>, cumulative: impl Fn(f64) -> f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len() as f64;
@@ -95,7 +95,7 @@ fn quantiles_are_those_of_scipy() {
 #[test]
 fn draws_have_their_distributions() {
     for (name, scalar) in cases() {
-        // The distribution function by bisection of the quantile, which SciPy's numbers hold.
+        // The distribution function by bisection of the quantile, which is checked against SciPy's values.
         let cumulative = |x: f64| {
             let (mut low, mut high) = (0.0_f64, 1.0_f64);
             for _ in 0..50 {
@@ -150,7 +150,7 @@ fn correlated_draws_have_their_correlations() {
     assert!(column(2).iter().all(|value| *value == 3.0), "no deviation, one number");
     let rho = sampling::statistics::correlation(&column(0), &column(1)).unwrap();
     assert!((rho - 0.8).abs() < 0.01, "{rho}");
-    // one that the others determine is possible, one that contradicts them is not
+    // a number determined by the others is possible, one that contradicts them is not
     let same = [vec![1.0, 1.0], vec![1.0, 1.0]];
     assert!(Correlated::new(&[0.0; 2], &[1.0; 2], Some(&same)).is_ok());
     let wrong = [vec![1.0, 0.9, 0.9], vec![0.9, 1.0, -0.9], vec![0.9, -0.9, 1.0]];
@@ -190,7 +190,7 @@ fn directions_and_rotations_are_uniform() {
     let cosines: Vec<f64> = (0..N).map(along).collect();
     assert!(cosines.iter().all(|cosine| *cosine >= angle.cos() - 1e-12));
     assert!(distance(cosines, |x| (x - angle.cos()) / (1.0 - angle.cos())) < KOLMOGOROV);
-    // of a random rotation, the angle has the density (1 - cos a)/π, and a turned vector is uniform
+    // for a random rotation, the angle has the density (1 - cos a)/π, and a rotated vector is uniform
     let rotations: Vec<Quaternion> = (0..N).map(|k| random_rotation(u(k))).collect();
     assert!(rotations.iter().all(|q| (length(q) - 1.0).abs() < 1e-12 && q[0] >= 0.0));
     let angles = rotations.iter().map(|q| 2.0 * q[0].clamp(-1.0, 1.0).acos()).collect();
@@ -227,7 +227,7 @@ fn turns_are_written_and_read_back() {
 #[test]
 fn dispersed_inertias_are_those_of_bodies() {
     let axes: Vec<Coordinate> = (0..6).map(|at| Coordinate::random(9, &format!("i{at}"))).collect();
-    // nearly a plate: independent normal draws of 10 % would break the triangle inequality half of the time
+    // nearly a plate: independent normal errors of 10 % would violate the triangle inequality half of the time
     let plate = [1.0, 1.0, 1.99];
     assert!(moments_are_physical(plate) && !moments_are_physical([1.0, 1.0, 2.1]));
     let wide = Inertia {
@@ -238,7 +238,7 @@ fn dispersed_inertias_are_those_of_bodies() {
         let moments = wide.moments(plate, [axes[0].at(k), axes[1].at(k), axes[2].at(k)]);
         assert!(moments_are_physical(moments), "{moments:?}");
     }
-    // the median draw is the body itself
+    // the median sample is the nominal body
     let same = wide.moments(plate, [0.5; 3]);
     assert!(same.iter().zip(plate).all(|(a, b)| (a - b).abs() < 1e-15));
     let turned = Inertia {

@@ -1,4 +1,4 @@
-//! Statistics against SciPy, and against functions whose answers are known.
+//! Statistics against SciPy, and against functions with known results.
 
 mod common;
 
@@ -25,7 +25,7 @@ fn ranks_of_intervals_are_those_of_scipys_binomial_distribution() {
     }
 }
 
-/// The intervals hold the true percentile as often as they say.
+/// The intervals contain the true percentile with the stated frequency.
 #[test]
 fn intervals_hold_the_percentile_as_often_as_promised() {
     let (runs, n, part) = (2000, 100, 0.9);
@@ -40,13 +40,13 @@ fn intervals_hold_the_percentile_as_often_as_promised() {
     }
     let share = f64::from(held) / runs as f64;
     assert!((0.95..0.985).contains(&share), "{share}");
-    // too few values for an upper end: 58 of them are none of a 95 % percentile with two sides of 2.5 %
+    // too few values for an upper end: 58 values do not suffice for the 95 % percentile with 2.5 % on each side
     let few: Vec<f64> = (0..58).map(f64::from).collect();
     assert_eq!(percentile(&few, 0.95, 0.95).unwrap().high, None);
     assert_eq!(percentile(&[], 0.5, 0.95), None);
 }
 
-/// Ishigami and Homma's function, whose indices are known in closed form.
+/// Ishigami and Homma's function, with indices known in closed form.
 #[test]
 fn indices_of_a_known_function_are_found() {
     let axes: Vec<[Coordinate; 2]> = (0..3)

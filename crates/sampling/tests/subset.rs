@@ -1,10 +1,10 @@
-//! Subset simulation against events whose probability is known.
+//! Subset simulation against events of known probability.
 
 use sampling::design::Coordinate;
 use sampling::distribution::{normal_cumulative, normal_quantile};
 use sampling::subset::{Estimate, Settings, Subset};
 
-/// How many estimates are compared with the truth.
+/// Number of estimates compared with the truth.
 const SEEDS: u64 = 25;
 
 fn coordinates(seed: u64, count: usize) -> Vec<Coordinate> {
@@ -13,7 +13,7 @@ fn coordinates(seed: u64, count: usize) -> Vec<Coordinate> {
         .collect()
 }
 
-/// Runs one with a score of independent standard normal numbers.
+/// Runs one simulation with a score of independent standard normal numbers.
 fn simulate(settings: Settings, seed: u64, count: usize, score: impl Fn(&[f64]) -> f64) -> Estimate {
     let mut subset = Subset::new(settings, seed, coordinates(seed, count)).unwrap();
     while let Some(batch) = subset.batch() {
@@ -24,7 +24,7 @@ fn simulate(settings: Settings, seed: u64, count: usize, score: impl Fn(&[f64]) 
     subset.estimate()
 }
 
-/// The mean over seeds, with the coefficient of variation that the estimates really have, and the mean of the one that they state.
+/// The mean over seeds, with the actual coefficient of variation of the estimates, and the mean of the reported one.
 fn over_seeds(count: usize, score: impl Fn(&[f64]) -> f64) -> (f64, f64, f64, usize) {
     let all: Vec<Estimate> = (0..SEEDS)
         .map(|seed| simulate(Settings::default(), seed, count, &score))
@@ -44,7 +44,7 @@ fn probability_beyond_a_plane_is_known() {
         let root = (dimensions as f64).sqrt();
         let score = |z: &[f64]| z.iter().sum::<f64>() / root - distance;
         let (mean, real, stated, points) = over_seeds(dimensions, score);
-        // The mean of the estimates is known better than one of them.
+        // The mean of the estimates has a smaller standard error than a single one.
         let away = (mean / truth - 1.0).abs() / (real / (SEEDS as f64).sqrt());
         assert!(
             away < 3.5,
@@ -58,7 +58,7 @@ fn probability_beyond_a_plane_is_known() {
     }
 }
 
-/// Outside a circle in two dimensions: exp(-r²/2), reached from everywhere. Two far corners: the sum of both.
+/// Outside a circle in two dimensions: exp(-r²/2), in all directions. Two distant corners: the sum of both.
 #[test]
 fn events_all_around_and_in_two_places_are_found() {
     let (mean, real, ..) = over_seeds(2, |z| z[0].hypot(z[1]) - 4.5);
@@ -82,12 +82,12 @@ fn interval_holds_the_truth_about_as_often_as_it_says() {
         let [low, high] = simulate(Settings::default(), 1000 + seed, 2, |z| z[0] - 4.0).interval;
         low <= truth && truth <= high
     });
-    // 95 % are meant; levels that depend on each other make it a little less.
+    // Nominally 95 %; the dependence between levels reduces it slightly.
     let holds = holds.count();
     assert!((172..=200).contains(&holds), "{holds} of 200");
 }
 
-/// With few points the levels that are kept by chance are known badly, and what was never seen must not be called rarer than it is.
+/// With few points the level probabilities are poorly known, and an unobserved event must not be reported as rarer than it is.
 #[test]
 fn bound_of_what_was_never_seen_is_above_the_truth() {
     let truth = normal_cumulative(-3.775);
@@ -137,13 +137,13 @@ fn event_that_never_happens_has_a_bound() {
     );
     assert_eq!(estimate.probability, 0.0);
     assert_eq!(estimate.levels.len(), 3);
-    // Three of a thousand independent states of the last level, and more for what is not known of the levels before.
+    // Three in a thousand independent states of the last level, and more for the uncertainty of the levels before.
     let [low, high] = estimate.interval;
     assert!(low == 0.0 && (3e-5..3e-4).contains(&high), "{estimate:?}");
     assert!(estimate.centre.is_empty() && estimate.variation.is_infinite());
 }
 
-/// What is met or not met says nothing of how nearly: nothing is won over counting, and that is said.
+/// A binary score carries no distance to the event: there is no gain over direct Monte Carlo, and the estimate reports this.
 #[test]
 fn score_of_two_values_is_counted() {
     let estimate = simulate(Settings::default(), 5, 1, |z| if z[0] > 2.0 { 1.0 } else { -1.0 });
@@ -151,10 +151,10 @@ fn score_of_two_values_is_counted() {
     assert!((estimate.probability - 0.0228).abs() < 0.02, "{}", estimate.probability);
 }
 
-/// Points that there cannot be (NaN) are left out of the first level and never gone to: the probability is that among the others.
+/// Impossible points (NaN) are excluded from the first level and never accepted: the probability is that among the others.
 #[test]
 fn impossible_points_count_for_nothing() {
-    // Below -1 nothing can be: the truth among the others is larger by 1 / P(z > -1).
+    // Points below -1 are impossible: the true probability among the others is larger by 1 / P(z > -1).
     let score = |z: &[f64]| if z[0] < -1.0 { f64::NAN } else { z[0] - 3.5 };
     let (mean, real, ..) = over_seeds(1, score);
     let truth = normal_cumulative(-3.5) / normal_cumulative(1.0);

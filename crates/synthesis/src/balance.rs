@@ -1,9 +1,9 @@
-//! Diagonal similarity scalings by powers of two, which change no bit of any mantissa.
+//! Balancing: diagonal similarity scalings by powers of two, which leave every mantissa unchanged.
 
 use crate::linalg::{CMatrix, Matrix};
 
 /// Scale factors `t` (powers of two) such that `diag(t)⁻¹ M diag(t)` has rows and columns of comparable 1-norm.
-/// `off(i, j)` is |M(i, j)|, `row(i)` and `column(i)` what is attached to state i outside M.
+/// `off(i, j)` is |M(i, j)|, `row(i)` and `column(i)` are the norms attached to state i outside M.
 ///
 /// Source: Parlett and Reinsch 1969; the variant with input and output matrices is Varga's (SLICOT TB01ID describes it).
 pub(crate) fn scalings(
@@ -13,7 +13,7 @@ pub(crate) fn scalings(
     column: impl Fn(usize) -> f64,
 ) -> Vec<f64> {
     let mut t = vec![1.0f64; n];
-    // Each pass lowers the norm by at least 5 % somewhere, so the loop ends on its own; the bound guards degenerate input.
+    // Each pass lowers the norm by at least 5 % somewhere, so the loop terminates; the bound guards against degenerate input.
     for _ in 0..100 {
         let mut changed = false;
         for i in 0..n {

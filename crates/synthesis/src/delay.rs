@@ -2,7 +2,7 @@
 
 use crate::state_space::{ModelError, StateSpace};
 
-/// Why a delay cannot be approximated.
+/// Errors of a delay approximation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DelayError {
     /// A delay must be zero or positive, and finite.
@@ -39,7 +39,7 @@ pub fn pade(delay: f64, order: usize) -> Result<StateSpace, DelayError> {
         let next = rising[k] * (order - k) as f64 / ((2 * order - k) as f64 * (k + 1) as f64);
         rising.push(next);
     }
-    // Realise in the normalised variable, then put the time scale back: well scaled for any delay.
+    // Realise in the normalised variable, then restore the time scale: well scaled for any delay.
     let denominator: Vec<f64> = rising.iter().rev().copied().collect();
     let numerator: Vec<f64> = rising
         .iter()

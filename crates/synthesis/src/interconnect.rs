@@ -1,9 +1,9 @@
-//! Systems out of systems.
+//! Interconnection of state-space systems.
 
 use crate::linalg::{self, Matrix, blocks};
 use crate::state_space::StateSpace;
 
-/// Why two systems cannot be connected.
+/// Errors of an interconnection.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum InterconnectError {
     /// Signal widths that differ.
@@ -16,7 +16,7 @@ pub enum InterconnectError {
         /// Width expected.
         expected: usize,
     },
-    /// The loop has direct feedthrough all the way round and its gain is one: no solution exists.
+    /// The loop is algebraic (direct feedthrough throughout) with a gain of one: no solution exists.
     #[error("ill-posed loop: I − D₁D₂ is singular (reciprocal condition {0:.1e})")]
     IllPosed(f64),
 }
@@ -63,7 +63,7 @@ pub fn parallel(first: &StateSpace, second: &StateSpace) -> Result<StateSpace, I
     })
 }
 
-/// Block diagonal connection: inputs, outputs and states side by side.
+/// Block diagonal connection: inputs, outputs and states are concatenated.
 pub fn append(systems: &[StateSpace]) -> StateSpace {
     let n = systems.iter().map(StateSpace::states).sum();
     let m = systems.iter().map(StateSpace::inputs).sum();

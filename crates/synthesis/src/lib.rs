@@ -20,12 +20,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | [`linalg`], [`state_space`], [`interconnect`], [`delay`], [`balance`], [`reduce`] | matrices, systems and their algebra |
 //! | [`norm`] | the exact H-infinity norm |
 //! | [`tuner`] | structured gains over several models and channels, with an optimality certificate |
-//! | [`full_order`] | what any controller could reach |
+//! | [`full_order`] | the optimum of unstructured controllers |
 //! | [`mu`] | robust stability margins: proofs for all frequencies, and perturbations |
 //! | [`matrices`] | a plant from matrices in a file |
 //! | [`robot`] | the velocity loop of a free-flying robot: specification, plant, margins, sampled loop, adversary |
@@ -34,8 +34,8 @@
 //! generalised plants with inputs [w; u] and outputs [z; y]. The crate reads no file and prints nothing.
 //!
 //! Determinism: single-threaded kernels and seeded searches give the same bits on the same kind of machine. Dense products
-//! use the instruction set they find, so another processor may differ in the last digits; tuning is done offline and its
-//! result is a file, so that is acceptable here and nothing in a simulation step uses this crate.
+//! use the available instruction set, so another processor may differ in the last digits; tuning is done offline and its
+//! result is a file, so that is acceptable here, and nothing in a simulation step uses this crate.
 
 pub mod balance;
 pub mod delay;

@@ -15,10 +15,10 @@ pub type Matrix = Mat<f64>;
 /// A dense complex matrix; `m[(row, column)]`.
 pub type CMatrix = Mat<c64>;
 
-/// What can go wrong in a dense matrix computation.
+/// Errors of a dense matrix computation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LinalgError {
-    /// The rows handed over do not form a rectangle.
+    /// The given rows have different lengths.
     #[error("row {row} has {found} entries, the first row has {expected}")]
     Ragged {
         /// Index of the offending row.
@@ -86,7 +86,7 @@ pub fn to_rows(m: &Matrix) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Refuses NaN and infinity.
+/// Rejects NaN and infinity.
 pub fn check_finite(m: &Matrix) -> Result<(), LinalgError> {
     for column in 0..m.ncols() {
         for row in 0..m.nrows() {

@@ -11,10 +11,9 @@ use crate::tuner::{Channel, GainBlock, GainKind, Model, Problem};
 
 /// `ẋ = A x + B1 w + B u`, `z = C1 x + D11 w + D12 u`, `y = C x + D21 w + D22 u`, to be closed by `u = K y`.
 ///
-/// Rows of numbers, row by row. A missing D is zero. In a file the keys are `A`, `B1`, `B`, `C1`, `C`, `D11`, `D12`,
-/// `D21`, `D22`, and optionally `name` and `K` (a gain to start from). The remarks that problems of published collections carry
-/// are understood: `source` is skipped, and the sizes `nx`, `nw`, `nu`, `nz`, `ny` must agree with the matrices. Every other
-/// key is an error.
+/// Matrices are given row by row. A missing D is zero. In a file the keys are `A`, `B1`, `B`, `C1`, `C`, `D11`, `D12`, `D21`,
+/// `D22`, and optionally `name` and `K` (a start gain). The additional keys of published collections are accepted: `source` is
+/// skipped, and the sizes `nx`, `nw`, `nu`, `nz`, `ny` must agree with the matrices. Every other key is an error.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Listed")]
 #[allow(missing_docs)]
@@ -43,29 +42,29 @@ pub struct PlantMatrices {
     pub start: Option<Vec<Vec<f64>>>,
 }
 
-/// Why a list of matrices is refused.
+/// Errors of a file of matrices.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum KeyError {
-    /// A key without meaning, which may be a misspelt one.
+    /// An unknown key, possibly a misspelt one.
     #[error("{0}: unknown key; known are A, B1, B, C1, C, D11, D12, D21, D22, K, name, source, nx, nw, nu, nz and ny")]
     Unknown(String),
-    /// A stated size that the matrices do not have.
+    /// A stated size that disagrees with the matrices.
     #[error("{key}: {stated} stated, but {matrix} has {found} {what}; correct one of them")]
     Size {
         /// The key.
         key: &'static str,
         /// Its value.
         stated: usize,
-        /// The matrix that says otherwise.
+        /// The matrix that disagrees.
         matrix: &'static str,
         /// Rows or columns.
         what: &'static str,
-        /// How many it has.
+        /// Their number.
         found: usize,
     },
 }
 
-/// What a file holds, as it is read.
+/// Raw content of a file.
 #[derive(Deserialize)]
 struct Listed {
     #[serde(default)]

@@ -6,14 +6,14 @@
 //! no eigenvalue is left on the imaginary axis.
 //!
 //! Deciding whether a computed eigenvalue "is" imaginary is the weak point of the method. Here the tolerance is wide, and
-//! every candidate is checked by evaluating the gain at it: a true crossing shows a gain of γ, which is above the lower
-//! bound, so it cannot be rejected; a false one costs one evaluation and no error.
+//! every candidate is verified by evaluating the gain there: a true crossing has a gain of γ, which is above the lower
+//! bound, so it cannot be rejected; a false one costs one evaluation and causes no error.
 
 use crate::balance;
 use crate::linalg::{self, LinalgError, Matrix, c64};
 use crate::state_space::StateSpace;
 
-/// Why a norm cannot be computed.
+/// Errors of computing a norm.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NormError {
     /// The norm is infinite.
@@ -124,7 +124,7 @@ pub(crate) fn level_crossings(g: &StateSpace, level: f64) -> Result<Vec<f64>, Li
     if n == 0 {
         return Ok(Vec::new());
     }
-    // With B and C divided by √γ and D by γ the level is one, and both off-diagonal blocks are of like size.
+    // With B and C divided by √γ and D by γ the level is one, and both off-diagonal blocks are of similar size.
     let root = level.sqrt();
     let b = &g.b * faer::Scale(1.0 / root);
     let c = &g.c * faer::Scale(1.0 / root);

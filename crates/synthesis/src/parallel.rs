@@ -1,4 +1,4 @@
-//! Work on several models at once. Who does what depends on the moment; what comes out does not.
+//! Parallel map over several models. The assignment of work to threads varies; the result does not depend on it.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};

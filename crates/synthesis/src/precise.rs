@@ -1,8 +1,8 @@
 //! The gain of a closed loop at one frequency, in double-double arithmetic (31 digits).
 //!
-//! Large gains leave slow modes as small differences of large numbers: `A + B K C` rounded to doubles is then another loop
-//! than the one that the gains make. Here the loop is never multiplied out. Plant and gain enter as they are, as one linear
-//! system in states, controls and measurements, and only the transfer matrix is rounded.
+//! With large gains slow modes are small differences of large numbers: `A + B K C` rounded to doubles is then a different loop
+//! from the exact one. Here the product is never formed. Plant and gain enter unchanged, as one linear system in states,
+//! controls and measurements, and only the transfer matrix is rounded.
 
 use std::ops::Range;
 
@@ -23,7 +23,7 @@ impl Loop<'_> {
         let p = self.plant;
         let (nu, ny) = (self.k.nrows(), self.k.ncols());
         let (nw, nz) = (p.inputs() - nu, p.outputs() - ny);
-        // At infinite frequency the states stand still.
+        // At infinite frequency the states do not respond.
         let n = if omega.is_infinite() { 0 } else { p.states() };
         let m = n + nu + ny;
         let width = inputs.len();

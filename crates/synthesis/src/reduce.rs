@@ -1,11 +1,11 @@
-//! Dropping states that cannot matter, by structure alone.
+//! Structural reduction: removal of states that do not affect the transfer matrix.
 
 use crate::linalg::Matrix;
 use crate::state_space::StateSpace;
 
-/// The same transfer matrix without the states that no input reaches or that reach no output, by following nonzero
-/// entries of A, B and C. Exact, because only zeros are dropped. A weight that a channel does not use goes this way,
-/// and the Hamiltonian of that channel shrinks by twice its order.
+/// The same transfer matrix without the states that no input reaches or that reach no output, found by following
+/// nonzero entries of A, B and C. Exact, because only zeros are dropped. This removes weights that a channel does not
+/// use, and the Hamiltonian of that channel shrinks by twice their order.
 pub fn on_path(g: &StateSpace) -> StateSpace {
     let n = g.states();
     let reached = spread(

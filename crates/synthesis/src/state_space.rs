@@ -18,10 +18,10 @@ pub struct StateSpace {
     pub d: Matrix,
 }
 
-/// Why a system cannot be formed or evaluated.
+/// Errors of forming or evaluating a system.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ModelError {
-    /// Matrices whose shapes do not belong together.
+    /// Matrices with inconsistent shapes.
     #[error("matrix {name} is {rows} x {columns}, expected {expected_rows} x {expected_columns}")]
     Shape {
         /// Name of the matrix.
@@ -217,8 +217,8 @@ impl StateSpace {
         }
     }
 
-    /// The modes that no input can move (`left = true`) or no output can see (`left = false`) and that are not in the
-    /// open left half-plane, by the rank test of Popov, Belevitch and Hautus.
+    /// The uncontrollable (`left = true`) or unobservable (`left = false`) modes that are not in the open left half-plane,
+    /// by the rank test of Popov, Belevitch and Hautus.
     ///
     /// # Errors
     /// No convergence of an eigenvalue or singular-value iteration.

@@ -1,4 +1,4 @@
-//! The full-order optimum against problems whose answer is known.
+//! The full-order optimum against problems with known solutions.
 
 use synthesis::full_order::{FullOrderError, full_order_optimum};
 use synthesis::interconnect::lft_lower;

@@ -251,7 +251,7 @@ fn random(draw: &mut impl FnMut() -> f64, rows: usize, columns: usize) -> CMatri
     CMatrix::from_fn(rows, columns, |_, _| c64::new(draw(), draw()))
 }
 
-/// No scalings of a brute force prove less, on matrices whose entries span two decades, and what is returned is a proof.
+/// A brute-force search finds no better scalings, on matrices with entries over two decades, and the returned scalings are a proof.
 #[test]
 fn upper_bound_is_the_least_over_d_and_g() {
     let mut draw = draws(3);
@@ -312,7 +312,7 @@ fn unbounded(x: f64) -> f64 {
     x / (1.0 - x * x)
 }
 
-/// Beside one full block a real scalar leaves no gap (Meinsma, Shrivastava and Fu 1997): the bound is mu itself.
+/// With one full block and one real scalar there is no gap (Meinsma, Shrivastava and Fu 1997): the bound is mu itself.
 #[test]
 fn upper_bound_is_mu_for_a_real_and_a_complex_scalar() {
     let mut draw = draws(29);
@@ -341,7 +341,7 @@ fn upper_bound_is_exact_for_few_blocks() {
             let m = random(&mut draw, s.columns(), s.rows());
             let (lower, upper) = bounds(&m, &blocks);
             assert!(lower > 0.9 * upper, "{blocks:?}: {lower} {upper}");
-            // The search for a perturbation may end on a lower hill; the bound may not be what is wrong in all cases.
+            // The search for a perturbation may end at a lower local maximum, but not in all cases.
             apart += usize::from(lower < upper * (1.0 - 1e-6));
         }
         assert!(apart <= 4, "{blocks:?}: {apart} of 20 apart");
@@ -374,7 +374,7 @@ fn checked_margin(m: &StateSpace, s: &Structure, options: &MarginOptions) -> Mar
             "no eigenvalue at {} rad/s: {nearest:?}",
             p.omega
         );
-        // Anything a little smaller than the guarantee is harmless along this direction.
+        // Along this direction a perturbation slightly smaller than the guarantee does not destabilise.
         assert!(closed(0.999 * found.guaranteed / p.size).iter().all(|l| l.re < 0.0));
     }
     found

@@ -71,7 +71,7 @@ fn three_nearly_undamped_oscillators() {
     close(n.omega, std::f64::consts::SQRT_2, 1e-8);
 }
 
-/// States scaled by twelve orders of magnitude against each other: without balancing the crossings drown in rounding.
+/// States scaled by twelve orders of magnitude relative to each other: without balancing, rounding errors hide the crossings.
 #[test]
 fn badly_scaled_states_change_nothing() {
     let chain = series(&tf(&[1.0], &[1.0, 0.02, 1.0]), &tf(&[1.0, 4.0], &[1.0, 0.3, 9.0])).unwrap();
@@ -161,7 +161,7 @@ fn bad_input_is_refused_with_the_reason() {
     assert!(from_rows(&[vec![1.0], vec![f64::NAN]]).is_err());
 }
 
-/// Unstable modes out of the reach of the inputs, or invisible in the outputs, are named.
+/// Uncontrollable or unobservable unstable modes are named.
 #[test]
 fn fixed_unstable_modes_are_found() {
     let a = diagonal(&[1.0, -1.0, 0.5]);

@@ -52,7 +52,7 @@ fn linearisation_at_rest_and_in_motion() {
     let again = &body.mass * &robot.body(&doubled).unwrap().a * &nu;
     assert!(max_abs(&twice) > 1e-3);
     close(norm2(&(again - twice * synthesis_scale(2.0))).unwrap() + 1.0, 1.0, 1e-9);
-    // With free propellant two more velocities, and the actuated part of the inverse grows: a lump was cut loose.
+    // With free propellant there are two more velocities, and the actuated part of the inverse grows: a rigid mass was released.
     let mut slosh = capture();
     slosh.slosh = true;
     let free = robot.body(&slosh).unwrap();
@@ -137,7 +137,7 @@ fn multiplicative_margin_of_the_decoupled_loop() {
     close(found.destabilising, 1.0 / peak, 3e-3);
 }
 
-/// Puts the joint angles that the file has into the situations that are at an instant of a run.
+/// Copies the joint angles from the file into the situations given as an instant of a run.
 fn looked_up(spec: &mut Spec, file: &GainsFile) {
     for model in spec.models.iter_mut().filter(|model| model.at.is_some()) {
         let same = |then: &&ModelSpec| then.name == model.name && then.at == model.at;
@@ -168,7 +168,7 @@ fn error_sizes_of_every_capture_follow_one_rule() {
     }
 }
 
-/// K_S is what the proportional specification gives, and nothing else can be.
+/// K_S is the result of the proportional specification; other gains are rejected.
 #[test]
 fn shipped_sliding_gain_is_that_of_the_p_structure() {
     let read = |text: &str| toml::from_str::<GainsFile>(text).unwrap();
@@ -186,7 +186,7 @@ fn shipped_sliding_gain_is_that_of_the_p_structure() {
     }
 }
 
-/// Lags of single channels: all alike they are the specification's lag, and a lag of nothing is no lag.
+/// Lags of single channels: equal lags are the specification's lag, and a lag of zero is no lag.
 #[test]
 fn lags_of_single_channels_enter_the_sampled_loop() {
     let (mut spec, robot) = stock();
@@ -231,7 +231,7 @@ fn lags_of_single_channels_enter_the_sampled_loop() {
     );
 }
 
-/// The shipped gains are what their file claims, on the models of the specification and on those of the adversary.
+/// The shipped gains match the claims of their file, on the models of the specification and on those of the adversary.
 #[test]
 fn shipped_gains_reproduce_their_gamma() {
     macro_rules! shipped {
@@ -286,7 +286,7 @@ fn the_scheduled_gains_pass_their_validation_set() {
     close(validation.worst_gamma(), file.validation.unwrap().worst_gamma, 1e-6);
 }
 
-/// The adversary adds situations of its own, inside the ranges and not taken from the validation set.
+/// The adversary adds new situations, inside the ranges and not taken from the validation set.
 #[test]
 fn the_adversary_adds_what_hurts_most() {
     let mut spec: Spec = toml::from_str(include_str!("../../../gains/pi-scheduled.spec.toml")).unwrap();
@@ -300,10 +300,10 @@ fn the_adversary_adds_what_hurts_most() {
     spec.validation.gamma = 1.01;
     let found = design(&spec, &robot, 2, &|_| Flow::Continue).unwrap();
     assert_eq!(found.adversary.len(), 2);
-    // For the model alone; with the adversary's; and these to the end.
+    // The model alone; with the adversary's models; and these to convergence.
     assert_eq!(found.rounds.iter().map(|r| r.models).collect::<Vec<_>>(), [1, 3, 3]);
     assert!(found.rounds[1].gamma > found.rounds[0].gamma && found.rounds[2].gamma <= found.rounds[1].gamma);
-    // What it adds was bad for the gains it saw, and is better with the gains tuned for it.
+    // The added situations were bad for the earlier gains, and are better with the gains tuned for them.
     spec.validation.rounds = 0;
     let first = design(&spec, &robot, 2, &|_| Flow::Continue).unwrap();
     assert_eq!(first.rounds[..], found.rounds[..1]);
@@ -318,7 +318,7 @@ fn the_adversary_adds_what_hurts_most() {
         assert!((0.9..=1.1).contains(&model.base_mass) && (0.0..=0.005).contains(&model.extra_delay_s));
         assert!((0..8).all(|i| draw(&spec, i).joints_deg != model.joints_deg));
     }
-    // Where nothing is too bad nothing is added.
+    // If no situation exceeds the limit, none is added.
     spec.validation.gamma = 1e3;
     let content = design(&spec, &robot, 2, &|_| Flow::Continue).unwrap();
     assert!(content.adversary.is_empty() && content.rounds.len() == 1);

@@ -1,4 +1,4 @@
-//! The tuner on problems whose optimum is known in closed form, and on bad input.
+//! The tuner on problems with a closed-form optimum, and on bad input.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -227,7 +227,7 @@ fn a_scheduled_gain_serves_two_mass_matrices() {
     close(t.gains[0][(0, 0)], 10f64.sqrt(), 5e-3);
     close(t.gains[0][(1, 1)], 10f64.sqrt(), 5e-3);
     assert!(t.gains[0][(0, 1)].abs() < 0.03);
-    // Threads share the models of one start, and cannot be told from the result.
+    // Threads share the models of one start without influence on the result.
     let threads = |threads| {
         let options = Options {
             starts: 1,
@@ -299,7 +299,7 @@ fn the_same_seed_gives_the_same_gains() {
         "the open loop is unstable: there must be a stabilising phase"
     );
     assert!(one.evaluation.abscissa < 0.0);
-    // What is reported is what an independent evaluation of the gains gives.
+    // The reported values equal those of an independent evaluation of the gains.
     let k = StateSpace::gain(one.controllers[0].clone());
     let closed = synthesis::interconnect::lft_lower(&problem.models[0].plant, &k).unwrap();
     close(hinf_norm(&closed, 1e-9).unwrap().gain, one.evaluation.gamma, 1e-7);

@@ -1,4 +1,4 @@
-//! Tuning problems whose infimum no gain attains, or that ask for nothing: what is reported is true and says so.
+//! Tuning problems with an infimum that no gain attains, or with nothing to minimise: the report is correct and states this.
 
 use faer::fx128;
 use synthesis::full_order::full_order_optimum;
@@ -80,7 +80,7 @@ fn true_gain(problem: &Problem, k: &Matrix, omega: f64) -> f64 {
     singular_values(&z).unwrap()[0]
 }
 
-/// No frequency of a grid over sixteen decades has a gain above the one reported, which is attained where it is said to be.
+/// No frequency of a grid over sixteen decades has a gain above the reported one, which is attained at the reported frequency.
 fn check_reported(problem: &Problem, t: &Tuned) {
     let k = &t.controllers[0];
     let points = if problem.models[0].plant.states() > 6 { 20 } else { 60 };
@@ -97,12 +97,12 @@ fn check_reported(problem: &Problem, t: &Tuned) {
         let there = true_gain(problem, k, peak);
         assert!((there - t.evaluation.gamma).abs() <= 1e-6 * there, "{there} at {peak}");
     }
-    // Nothing better than what the starts have found, which was evaluated the same way.
+    // The result is no better than the best of the starts, which was evaluated in the same way.
     let best = t.starts.iter().copied().fold(f64::INFINITY, f64::min);
     assert_eq!(best, t.evaluation.gamma);
 }
 
-/// Two problems of the COMPleib collection (F. Leibfritz) that draw a search to large gains; the infimum of the first lies at
+/// Two problems of the COMPleib collection (F. Leibfritz) that lead a search to large gains; the infimum of the first lies at
 /// infinite gain.
 #[test]
 fn runaway_gains_are_reported_with_their_true_norm() {
@@ -121,7 +121,7 @@ fn runaway_gains_are_reported_with_their_true_norm() {
     assert!(t.evaluation.gamma < 14.857, "{}", t.evaluation.gamma);
 }
 
-/// ẋ = x + w + u, z = y = x: gamma is 1/|1 + k| and falls for ever.
+/// ẋ = x + w + u, z = y = x: gamma is 1/|1 + k| and decreases without attaining its infimum.
 #[test]
 fn gamma_that_falls_for_ever_is_no_optimum() {
     let p = plant(r#"{"A":[[1]],"B1":[[1]],"B":[[1]],"C1":[[1]],"C":[[1]]}"#);
@@ -129,7 +129,7 @@ fn gamma_that_falls_for_ever_is_no_optimum() {
     check_reported(&problem, &t);
     assert!(t.gains[0][(0, 0)].abs() <= 1e10, "{:?}", t.gains);
     assert!(matches!(t.verdict, Verdict::InfiniteGain { .. }), "{:?}", t.verdict);
-    // An effort weight, on a stable plant, makes an optimum of it: gamma² = (1 + k²)/(1 − k)² is least at k = −1.
+    // With an effort weight and a stable plant an optimum exists: gamma² = (1 + k²)/(1 − k)² is least at k = −1.
     let weighted = PlantMatrices {
         a: vec![vec![-1.0]],
         c1: vec![vec![1.0], vec![0.0]],
@@ -150,9 +150,9 @@ fn zero_norm_is_reported_as_nothing_to_minimise() {
     for json in [
         // No output.
         r#"{"A":[[-1]],"B1":[[1]],"B":[[1]],"C1":[[0]],"C":[[1]]}"#,
-        // No disturbance, and an unstable plant that must be stabilised all the same.
+        // No disturbance, and an unstable plant that must still be stabilised.
         r#"{"A":[[1,1],[0,-2]],"B1":[[0],[0]],"B":[[1],[0]],"C1":[[1,0]],"C":[[1,0]]}"#,
-        // A disturbance of a mode that no output shows.
+        // A disturbance of an unobservable mode.
         r#"{"A":[[-1,0],[0,-2]],"B1":[[0],[1]],"B":[[1],[0]],"C1":[[1,0]],"C":[[1,0]]}"#,
     ] {
         let (_, t) = tuned(&plant(json), 2);
@@ -162,8 +162,8 @@ fn zero_norm_is_reported_as_nothing_to_minimise() {
     }
 }
 
-/// Infima with a pole on the axis: a one-state plant with gamma = |k| for k < −1, and a double integrator whose position is
-/// not weighted.
+/// Infima with a pole on the axis: a one-state plant with gamma = |k| for k < −1, and a double integrator with unweighted
+/// position.
 #[test]
 fn infimum_on_the_axis_is_no_optimum() {
     for json in [
@@ -194,7 +194,7 @@ fn draws(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-/// State feedback of many states reaches the optimum of all controllers, which the Riccati equations know. The states are
+/// State feedback of many states attains the optimum of all controllers, which the Riccati equations give. The states are
 /// measured in other coordinates, and with a vanishing noise for the comparison.
 #[test]
 fn state_feedback_of_many_states_reaches_the_optimum() {

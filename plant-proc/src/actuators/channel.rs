@@ -1,4 +1,4 @@
-//! One actuator.
+//! Actuator channel: fault, dead zone, quantisation, saturation and first-order lag of one actuator.
 
 use lockstep::participant::ParameterError;
 use lockstep::units::{Quantity, Time};
@@ -6,20 +6,20 @@ use serde::{Deserialize, Serialize};
 
 use super::Effect;
 
-/// What all actuators of a group share.
+/// Parameters common to all actuators of a group.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape {
     dead_zone: f64,
     quantum: f64,
-    /// For a lag: what is left of a difference after a step, and its mean over the step.
+    /// For a lag: the fraction of a step change that remains after one step, and its mean over the step.
     lag: Option<(f64, f64)>,
 }
 
 impl Shape {
-    /// From parameters in SI units; `group` is their key.
+    /// Builds the shape from parameters in SI units; `group` is their key.
     ///
     /// # Errors
-    /// When a number is negative, or the lag not above zero.
+    /// When a number is negative, or the lag is not above zero.
     pub fn new(
         group: &str,
         lag: Option<Quantity<Time>>,
@@ -53,12 +53,12 @@ impl Shape {
     }
 }
 
-/// All that an actuator remembers.
+/// Complete state of an actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ChannelState {
     /// Output of the lag at the end of the last step.
     lagged: f64,
-    /// What it did over the last step: where it sticks.
+    /// Output over the last step: the value at which it sticks.
     last: f64,
 }
 
@@ -71,7 +71,7 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// An actuator at rest that gives at most `limit` either way.
+    /// An actuator at rest with output limits of ±`limit`.
     pub fn new(shape: Shape, limit: f64) -> Self {
         Self {
             shape,
@@ -80,7 +80,7 @@ impl Channel {
         }
     }
 
-    /// All that it remembers.
+    /// Its complete state.
     pub fn state(&self) -> ChannelState {
         self.state
     }
@@ -90,7 +90,7 @@ impl Channel {
         self.state = *state;
     }
 
-    /// The mean of what it does over a step with `command` held.
+    /// Mean output over a step with `command` held.
     pub fn apply(&mut self, command: f64, effect: Option<Effect>) -> f64 {
         let Shape {
             dead_zone,
@@ -122,7 +122,7 @@ impl Channel {
     }
 }
 
-/// The multiple of `quantum` nearest to `value`. By itself, since inlined the quotient would be computed for continuous actuators as well.
+/// The multiple of `quantum` nearest to `value`. Not inlined: otherwise the quotient would be computed for continuous actuators as well.
 #[inline(never)]
 fn nearest(value: f64, quantum: f64) -> f64 {
     (value / quantum).round_ties_even() * quantum
@@ -158,7 +158,7 @@ mod tests {
     #[test]
     fn a_lag_keeps_the_impulse() {
         let mut slow = channel(Some(0.02), 0.0, 0.0);
-        // a pulse, then long rest: the impulse comes late but whole
+        // a pulse, then a long rest: the impulse is delivered late but in full
         let impulse: f64 = (0..2000)
             .map(|k| slow.apply(if k < 50 { 1.0 } else { 0.0 }, None) * 0.001)
             .sum();

@@ -1,4 +1,4 @@
-//! Actuators that fail, each in a window of simulated time.
+//! Actuator faults, each active in a window of simulated time.
 
 use interfaces::JOINTS;
 use lockstep::participant::ParameterError;
@@ -7,51 +7,51 @@ use serde::Deserialize;
 
 use super::THRUSTERS;
 
-/// A failure as the scenario says it: `{ actuator = "wheel.x", effect = "stuck", from = "12 s" }`.
+/// A fault as declared in the scenario: `{ actuator = "wheel.x", effect = "stuck", from = "12 s" }`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultParameters {
     /// `wheel.x`, `thruster.0` to `thruster.11`, or `joint.` and the joint's name. `thruster.+x` are the two that push along
     /// that axis, `thruster.-x` the two against it, `thruster.x` all four.
     pub actuator: String,
-    /// What is wrong with it.
+    /// Effect of the fault.
     pub effect: EffectName,
-    /// For `weak`: which part of the command it still follows.
+    /// For `weak`: the fraction of the command that the actuator still follows.
     pub factor: Option<f64>,
-    /// First instant; the start unless given.
+    /// First instant of the fault; the start of the run by default.
     pub from: Option<Quantity<Time>>,
-    /// First instant at which it is well again; never unless given.
+    /// First instant at which the actuator works again; never by default.
     pub until: Option<Quantity<Time>>,
 }
 
-/// What can be wrong with an actuator.
+/// Fault effects of an actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EffectName {
-    /// It keeps doing what it did last.
+    /// The actuator holds its last output.
     Stuck,
-    /// It does nothing; a joint turns freely.
+    /// No output; a joint turns freely.
     Off,
     /// A thruster fires all the time.
     On,
-    /// A joint's brake holds it where it is.
+    /// The joint's brake holds it at its position.
     Locked,
-    /// It follows a part of the command, `factor`.
+    /// The actuator follows the fraction `factor` of the command.
     Weak,
 }
 
-/// A failure while it lasts.
+/// An active fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Effect {
-    /// It keeps doing what it did last.
+    /// The actuator holds its last output.
     Stuck,
-    /// It does nothing.
+    /// No output.
     Off,
-    /// It does all it can.
+    /// Full output.
     On,
     /// A brake holds the joint.
     Locked,
-    /// It follows this part of the command.
+    /// The actuator follows this fraction of the command.
     Weak(f64),
 }
 
@@ -74,15 +74,15 @@ struct Fault {
     until: f64,
 }
 
-/// The failures of a run.
+/// The faults of a run.
 #[derive(Debug, Clone)]
 pub struct Faults(Vec<Fault>);
 
 impl Faults {
-    /// From the scenario, for joints with these names.
+    /// Builds the faults from the scenario, for joints with these names.
     ///
     /// # Errors
-    /// Names the failure that makes no sense and what is possible.
+    /// Names the invalid fault and what is possible.
     pub fn new(parameters: &[FaultParameters], joints: &[String; JOINTS]) -> Result<Self, ParameterError> {
         let mut faults = Vec::new();
         for (at, fault) in parameters.iter().enumerate() {
@@ -130,7 +130,7 @@ impl Faults {
         Ok(Self(faults))
     }
 
-    /// What is wrong with `unit` at `t`, s; the last failure of the list wins.
+    /// The fault of `unit` at `t`, s; the last active one in the list applies.
     pub fn effect(&self, t: f64, unit: Unit) -> Option<Effect> {
         self.0
             .iter()

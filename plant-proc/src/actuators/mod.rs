@@ -1,7 +1,7 @@
-//! From the command to what the actuators do over a step.
+//! Actuator models: from the command to the forces and torques over a step.
 //!
 //! Every actuator is a [`Channel`]: fault, dead zone, quantisation, saturation, first-order lag, in this order. Wheels also
-//! store momentum and thrusters may have a shortest firing.
+//! store momentum, and thrusters may have a minimum on-time.
 
 mod channel;
 mod faults;
@@ -25,7 +25,7 @@ pub use wheels::{Wheels, WheelsState};
 
 use crate::dynamics::Forces;
 
-/// All that the actuators remember.
+/// Complete state of the actuators.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ActuatorsState {
     /// The wheels.
@@ -75,7 +75,7 @@ impl Actuators {
         })
     }
 
-    /// All that they remember.
+    /// Their complete state.
     pub fn state(&self) -> ActuatorsState {
         ActuatorsState {
             wheels: self.wheels.state(),
@@ -93,8 +93,8 @@ impl Actuators {
         }
     }
 
-    /// What the actuators do over the step that starts at `t`, s, with `momentum` in the wheels, N m s, on a base that turns at `omega`,
-    /// rad/s, both in base axes.
+    /// Forces and torques of the actuators over the step that starts at `t`, s, with the wheels' `momentum`, N m s, on a base with angular
+    /// velocity `omega`, rad/s, both in base axes.
     pub fn apply(
         &mut self,
         t: f64,

@@ -1,20 +1,20 @@
-//! What a scenario says about actuators.
+//! Actuator parameters of a scenario.
 
 use interfaces::JOINTS;
 use lockstep::participant::ParameterError;
 use lockstep::units::{AngularMomentum, Each, Force, Kind, Length, Quantity, Time, Torque};
 use serde::Deserialize;
 
-/// How many there are.
+/// Number of thrusters.
 pub const THRUSTERS: usize = 12;
 
 /// The actuators of a scenario.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ActuatorParameters {
-    /// Reaction wheels, one a body axis.
+    /// Reaction wheels, one per body axis.
     pub wheels: WheelParameters,
-    /// Thrusters, four a body axis.
+    /// Thrusters, four per body axis.
     pub thrusters: ThrusterParameters,
     /// Joint motors.
     pub joints: JointParameters,
@@ -26,25 +26,25 @@ pub struct ActuatorParameters {
 pub struct WheelParameters {
     /// Largest torque.
     pub torque: Each<Torque, 3>,
-    /// Largest momentum: a full wheel gives no torque that would fill it further.
+    /// Largest momentum: a saturated wheel gives no torque that would increase its momentum.
     pub momentum: Each<AngularMomentum, 3>,
     /// Momentum at the start.
     pub start_momentum: Each<AngularMomentum, 3>,
-    /// Whether the spinning wheels' gyroscopic torque reaches the base; if not, their own control compensates it as far as the wheels can
-    /// take what that stores in them.
+    /// Whether the gyroscopic torque of the spinning wheels acts on the base; if not, the wheel control compensates it as far as the wheels
+    /// can store the momentum that this takes.
     pub gyroscopic: bool,
-    /// Largest torque of a motor with what it compensates; `torque` is then that of the command alone. None unless given.
+    /// Largest torque of a motor, compensation included; `torque` then limits the command alone. No limit by default.
     pub motor_torque: Option<Each<Torque, 3>>,
-    /// Time constant; none unless given.
+    /// Time constant of the lag; no lag by default.
     pub lag: Option<Quantity<Time>>,
     /// Commands smaller than this do nothing.
     pub dead_zone: Quantity<Torque>,
-    /// Steps in which the torque comes; continuous when zero.
+    /// Quantisation step of the torque; continuous when zero.
     pub quantum: Quantity<Torque>,
 }
 
 impl Default for WheelParameters {
-    /// 0.2 N m and 12 N m s, at rest, without further faults.
+    /// 0.2 N m and 12 N m s, at rest, without further imperfections.
     fn default() -> Self {
         Self {
             torque: Each::of([0.2; 3]),
@@ -67,18 +67,18 @@ pub struct ThrusterParameters {
     pub force: Each<Force, 3>,
     /// Lever arm of the two about body x, y and z; thrusters along y turn about x, along z about y, along x about z.
     pub lever_arm: Each<Length, 3>,
-    /// Shortest firing. If given, thrusters only fire at full thrust, in pulses that make the commanded impulse.
+    /// Minimum on-time. If given, thrusters fire only at full thrust, in pulses that add up to the commanded impulse.
     pub minimum_on: Option<Quantity<Time>>,
-    /// Time constant; none unless given.
+    /// Time constant of the lag; no lag by default.
     pub lag: Option<Quantity<Time>>,
     /// Thrusts smaller than this do nothing.
     pub dead_zone: Quantity<Force>,
-    /// Steps in which a thrust comes; continuous when zero.
+    /// Quantisation step of the thrust; continuous when zero.
     pub quantum: Quantity<Force>,
 }
 
 impl Default for ThrusterParameters {
-    /// 9 N an axis on lever arms of half a metre, without further faults.
+    /// 9 N per axis on lever arms of half a metre, without further imperfections.
     fn default() -> Self {
         Self {
             force: Each::of([9.0; 3]),
@@ -97,16 +97,16 @@ impl Default for ThrusterParameters {
 pub struct JointParameters {
     /// Largest torque of each.
     pub torque: Each<Torque, JOINTS>,
-    /// Time constant; none unless given.
+    /// Time constant of the lag; no lag by default.
     pub lag: Option<Quantity<Time>>,
     /// Commands smaller than this do nothing.
     pub dead_zone: Quantity<Torque>,
-    /// Steps in which the torque comes; continuous when zero.
+    /// Quantisation step of the torque; continuous when zero.
     pub quantum: Quantity<Torque>,
 }
 
 impl Default for JointParameters {
-    /// The limits of the stock arm, without further faults.
+    /// The limits of the stock arm, without further imperfections.
     fn default() -> Self {
         Self {
             torque: Each::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
@@ -117,7 +117,7 @@ impl Default for JointParameters {
     }
 }
 
-/// Refuses a negative limit. `K` tells how to write a good one.
+/// Rejects a negative limit. `K` gives the unit for the error message.
 pub(super) fn not_negative<K: Kind>(key: &str, of: &str, value: f64) -> Result<f64, ParameterError> {
     if value >= 0.0 {
         return Ok(value);

@@ -11,13 +11,13 @@ use serde::{Deserialize, Serialize};
 use super::parameters::THRUSTERS;
 use super::{Channel, ChannelState, Effect, Shape, ThrusterParameters, not_negative};
 
-/// All that the thrusters remember.
+/// Complete state of the thrusters.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ThrustersState {
     channels: [ChannelState; THRUSTERS],
-    /// Impulse asked for and not yet made, N s.
+    /// Commanded impulse not yet delivered, N s.
     owed: [f64; THRUSTERS],
-    /// Steps that a firing still has to last.
+    /// Remaining steps of the current firing.
     firing: [u32; THRUSTERS],
 }
 
@@ -28,7 +28,7 @@ pub struct Thrusters {
     full: [f64; 3],
     lever_arm: [f64; 3],
     period: f64,
-    /// Steps of the shortest firing; `None` for continuous thrust.
+    /// Minimum on-time in steps; `None` for continuous thrust.
     pulse: Option<u32>,
     owed: [f64; THRUSTERS],
     firing: [u32; THRUSTERS],
@@ -95,7 +95,7 @@ impl Thrusters {
         self.firing = state.firing;
     }
 
-    /// Force, N, and torque, N m, on the base, for a force and a couple asked for; and what each thruster does, N.
+    /// Force, N, and torque, N m, on the base for a commanded force and couple; and the thrust of each thruster, N.
     pub fn apply(
         &mut self,
         force: &[f64; 3],
@@ -118,12 +118,12 @@ impl Thrusters {
         (made_force, made_torque, each)
     }
 
-    /// What thruster `n` does over a step, N.
+    /// Thrust of thruster `n` over a step, N.
     fn thrust(&mut self, n: usize, wanted: f64, effect: Option<Effect>) -> f64 {
         let Some(pulse) = self.pulse else {
             return self.channels[n].apply(wanted, effect);
         };
-        // Pulses: fire at full thrust for at least the shortest time as soon as that much impulse is owed.
+        // Pulses: fire at full thrust for at least the minimum on-time as soon as that much impulse is outstanding.
         let full = self.full[n / 4];
         let smallest = full * self.period * f64::from(pulse);
         self.owed[n] = (self.owed[n] + wanted * self.period).min(2.0 * smallest);

@@ -1,4 +1,4 @@
-//! Reaction wheels: torque on the base against momentum in the rotor.
+//! Reaction wheels: momentum exchange between base and rotors.
 
 use lockstep::participant::ParameterError;
 use lockstep::units::{AngularMomentum, Torque};
@@ -6,10 +6,10 @@ use nalgebra::Vector3;
 
 use super::{Channel, ChannelState, Effect, Shape, WheelParameters, not_negative};
 
-/// All that the wheels remember beside their momentum, which is part of the motion.
+/// State of the wheels except their momentum, which is part of the motion.
 pub type WheelsState = [ChannelState; 3];
 
-/// One wheel a body axis.
+/// One wheel per body axis.
 #[derive(Debug, Clone)]
 pub struct Wheels {
     channels: [Channel; 3],
@@ -19,13 +19,13 @@ pub struct Wheels {
     period: f64,
 }
 
-/// What the wheels do over a step.
+/// Wheel torques over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WheelTorque {
-    /// Where `compensated`: torque on the base, N m. Elsewhere: torque of the motor, of which the base feels what the gyroscopic torque
-    /// `ω × h` leaves.
+    /// On `compensated` axes: torque on the base, N m. On the others: torque of the motor; the base receives it less the gyroscopic torque
+    /// `ω × h`.
     pub torque: Vector3<f64>,
-    /// Axes on which the wheel's own control adds the gyroscopic torque to what its motor gives, so that the base does not feel it.
+    /// Axes on which the wheel control adds the gyroscopic torque to the motor torque, so that none of it acts on the base.
     pub compensated: [bool; 3],
 }
 
@@ -79,11 +79,11 @@ impl Wheels {
         }
     }
 
-    /// What the wheels do with `momentum` stored, N m s, on a base on which the gyroscopic torque is `turned` = ω × h, N m.
+    /// Wheel torques with `momentum` stored, N m s, and the gyroscopic torque `turned` = ω × h on the base, N m.
     ///
-    /// What a motor gives fills or empties its wheel, whatever the torque is for. A motor is held to what its wheel can take over the
-    /// step and, if it has a limit of its own, to that; then it cannot compensate all of the gyroscopic torque, and the base feels the
-    /// rest. A wheel that is stuck or off compensates nothing; a weak one is weak in its command alone.
+    /// All motor torque changes the wheel's momentum, whatever the torque is for. The motor torque is limited by what its wheel can store
+    /// over the step and, if given, by the motor's own limit; then it cannot compensate all of the gyroscopic torque, and the rest acts on
+    /// the base. A wheel that is stuck or off compensates nothing; a weak one is weak in its command alone.
     pub fn apply(
         &mut self,
         command: &[f64; 3],
@@ -96,7 +96,7 @@ impl Wheels {
             compensated: [false; 3],
         };
         for (axis, &command) in command.iter().enumerate() {
-            // a wheel that turns the base forwards loses momentum, so a full one cannot turn it back
+            // a positive torque on the base reduces the wheel's momentum, so a wheel at its positive limit can give no negative torque
             let full = self.momentum[axis];
             let possible = if momentum[axis] >= full {
                 command.max(0.0)
@@ -144,7 +144,7 @@ mod tests {
         assert_eq!(torque(&mut wheels, 0.1, 12.0), 0.1);
         assert_eq!(torque(&mut wheels, 0.1, -12.1), 0.0);
         assert_eq!(torque(&mut wheels, -0.5, -12.1), -0.2);
-        // the last step fills it to the brim, and no further
+        // the last step fills the wheel exactly to its limit
         assert!((torque(&mut wheels, -0.2, 11.9999) + 0.1).abs() < 1e-9);
     }
 
@@ -164,7 +164,7 @@ mod tests {
             (made.torque.y, made.compensated[1])
         };
         assert_eq!(apply(wheels(None, false), 11.0, -0.3, None), (0.1, true));
-        // the motor would fill a wheel that is full: it does nothing, and the base feels the gyroscopic torque
+        // the motor torque would exceed the wheel's momentum limit: it is zero, and the gyroscopic torque acts on the base
         assert_eq!(apply(wheels(None, false), 12.0, -0.3, None), (0.0, false));
         assert_eq!(apply(wheels(None, false), 12.0, 0.3, None), (0.1, true), "it empties");
         assert_eq!(apply(wheels(Some(0.2), false), 0.0, 0.05, None), (0.1, true));

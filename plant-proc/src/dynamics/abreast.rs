@@ -1,4 +1,4 @@
-//! The motions of several servicers and targets at once, each in a lane of its own, with the bits that it has alone.
+//! SIMD integration of several servicers and targets, one per lane, bit-identical to integrating each alone.
 
 use multibody::{Flow, Lanes, Momentum, Placement, State, Tree, Trees};
 use nalgebra::{Matrix3, SVector, Vector3};
@@ -7,40 +7,40 @@ use super::flow::{Acting, MotionRate};
 use super::{Bob, Bodies, COORDINATES, Forces, Model, Motion, Target, VELOCITIES};
 use crate::actuators::THRUSTERS;
 
-/// The mechanisms of several plants.
+/// The mechanisms of several plants, packed into lanes.
 #[derive(Debug)]
 pub struct Models<T> {
-    /// Which, by [`Model::version`].
+    /// The packed models, by [`Model::version`].
     versions: Vec<u64>,
     trees: Trees<COORDINATES, VELOCITIES, T>,
     targets: Trees<0, 6, T>,
 }
 
-/// The equation of several servicers.
+/// Equations of motion of several servicers.
 struct Mechanics<'a, T> {
     trees: &'a Trees<COORDINATES, VELOCITIES, T>,
 }
 
-/// A plant on its way through a step.
+/// A plant during a step.
 pub struct Under<'a> {
     /// Its mechanism.
     pub model: &'a Model,
-    /// What acts on it.
+    /// Actuator forces on it.
     pub forces: &'a Forces,
-    /// Where it is; afterwards where it comes to.
+    /// Its motion at the start of the step, then at the end.
     pub motion: &'a mut Motion,
-    /// The same of its target.
+    /// The same for its target.
     pub target: &'a mut Target,
-    /// Whether the truth about it is told at the end of the step.
+    /// Whether its truth message is written at the end of the step.
     pub told: bool,
-    /// What that takes from the servicer's bodies.
+    /// Quantities of the servicer's bodies for that message.
     pub bodies: &'a mut Option<Bodies>,
 }
 
 impl<T: Lanes> Models<T> {
-    /// Those of `all`, which may be `known` from before.
+    /// Packs the models of `all`; reuses `known` when the versions match.
     ///
-    /// `None` where they cannot go side by side.
+    /// `None` when the plants cannot be packed into lanes.
     pub fn of(known: Option<Box<Self>>, all: &[Under]) -> Option<Box<Self>> {
         let first = all.first()?.model.end_effector;
         if all.iter().any(|one| one.model.end_effector != first) {
@@ -61,8 +61,8 @@ impl<T: Lanes> Models<T> {
         }
     }
 
-    /// `substeps` steps of `h` seconds of the classical Runge-Kutta method. The plants are of one shape: hinges for a pendulum, no brakes, the
-    /// same axes compensated. `free`: whether the targets are on their own.
+    /// `substeps` steps of `h` seconds of the classical Runge-Kutta method. The plants have one shape: two-hinge pendulum, no brakes, the
+    /// same axes compensated. `free`: whether the targets are free-flying.
     pub fn step(&self, all: &mut [Under], h: f64, substeps: u32, free: bool) {
         let forces = gathered(all);
         let mechanics = Mechanics { trees: &self.trees };
@@ -136,10 +136,10 @@ impl<T: Lanes> Sight<T> {
     }
 }
 
-/// As many lanes as there are at most.
+/// Largest number of lanes.
 const MOST: usize = 4;
 
-/// One for each lane: behind the last it is the last again.
+/// One item per lane; surplus lanes repeat the last item.
 fn padded<'a, T: Lanes, X>(all: &'a [Under], of: impl Fn(&'a Under) -> &'a X) -> [&'a X; MOST] {
     const { assert!(T::WIDTH <= MOST) };
     core::array::from_fn(|lane| of(&all[lane.min(all.len() - 1)]))
@@ -158,7 +158,7 @@ fn gathered<T: Lanes>(all: &[Under]) -> Forces<T> {
         compensated: each[0].compensated,
         thruster_force: vectors(|lane| each[lane].thruster_force),
         thruster_torque: vectors(|lane| each[lane].thruster_torque),
-        // it is told, and stands nowhere in the equation
+        // reported only: it does not enter the equations of motion
         thrust: [T::of(0.0); THRUSTERS],
         joint_torque: core::array::from_fn(|joint| T::gather(|lane| each[lane].joint_torque[joint])),
         braked: each[0].braked,
@@ -204,7 +204,7 @@ impl<T: Lanes> Flow for Mechanics<'_, T> {
     type Rate = MotionRate<T>;
     type Force = Forces<T>;
 
-    // Large, and called once a stage.
+    // Large, and called once per stage.
     #[inline(never)]
     fn rate(&self, motion: &Motion<T>, forces: &Forces<T>) -> MotionRate<T> {
         let acting = Acting::of(motion, forces);

@@ -1,11 +1,11 @@
-//! What all bodies of the servicer together tell.
+//! End-effector motion, momentum and energy from one pass over the servicer's bodies.
 
 use multibody::{Momentum, Placement};
 use nalgebra::Vector3;
 
 use super::{Model, Motion, Totals};
 
-/// What the truth takes from all bodies of the servicer.
+/// Quantities for the truth message that need all bodies of the servicer.
 #[derive(Debug, Clone, Copy)]
 pub struct Bodies {
     /// Pose of the end effector in the base.
@@ -17,7 +17,7 @@ pub struct Bodies {
 }
 
 impl Bodies {
-    /// At this motion.
+    /// Evaluates them at this motion.
     pub fn of(model: &Model, motion: &Motion) -> Self {
         let kinematics = model.kinematics(&motion.servicer);
         Self {

@@ -1,4 +1,4 @@
-//! Momentum and energy of everything, and what is missing in them.
+//! Conservation ledger: total momentum and energy, and their residuals.
 
 use multibody::{Kinematics, Momentum};
 use nalgebra::Vector3;
@@ -17,23 +17,23 @@ pub struct Totals {
     pub energy: f64,
 }
 
-/// What was there at the start, and what has gone since in ways that are no step of the integrator.
+/// Totals at the start, and the losses since then that occurred outside the integrator's steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Books {
-    /// At the first instant.
+    /// Totals at the first instant.
     pub start: Totals,
     /// Energy lost in impacts so far, J.
     pub impact_loss: f64,
 }
 
 impl Totals {
-    /// The sums over servicer, wheels and, while it is not `carried` as a part of the servicer, target.
+    /// Totals of servicer, wheels and target; a `carried` target is already part of the servicer.
     pub fn of(model: &Model, motion: &Motion, target: &Target, carried: bool) -> Self {
         let own = Self::own(model, &model.kinematics(&motion.servicer), motion);
         Self::with(model, &own, motion, target, carried)
     }
 
-    /// Momentum and kinetic energy of the servicer, of which `kinematics` are those of its tree.
+    /// Momentum and kinetic energy of the servicer; `kinematics` are those of its tree.
     pub fn own(model: &Model, kinematics: &Kinematics<COORDINATES, VELOCITIES>, motion: &Motion) -> (Momentum, f64) {
         match &model.sphere {
             None => model.tree.momentum_and_energy(kinematics),
@@ -43,7 +43,7 @@ impl Totals {
         }
     }
 
-    /// The sums with what [`Totals::own`] gives.
+    /// The totals, given the result of [`Totals::own`].
     pub fn with(
         model: &Model,
         (momentum, own_energy): &(Momentum, f64),
@@ -79,7 +79,7 @@ impl Totals {
 }
 
 impl Books {
-    /// What is missing in `now`: momentum less impulse, angular momentum less angular impulse, energy less work plus losses.
+    /// Residuals of `now`: momentum less impulse, angular momentum less angular impulse, energy less work plus losses.
     pub fn residual(&self, now: &Totals, motion: &Motion) -> Totals {
         Totals {
             linear: now.linear - self.start.linear - motion.impulse,

@@ -1,4 +1,4 @@
-//! Joints that a brake holds.
+//! Constraint forces of joint brakes.
 
 use interfaces::JOINTS;
 use nalgebra::SMatrix;
@@ -14,8 +14,8 @@ pub fn hold_joints(mass: &MassMatrix, braked: &[bool; JOINTS], nu_dot: &mut Gene
     project(mass, braked, nu_dot);
 }
 
-/// Stops the joints in `braked` at once: an impulse at each that leaves the momentum of the whole as it was. Returns the
-/// energy that goes, J.
+/// Stops the joints in `braked` instantly by an impulse at each, which conserves the total momentum. Returns the energy
+/// lost, J.
 pub fn stop_joints(model: &Model, motion: &mut Motion, braked: &[bool; JOINTS]) -> f64 {
     let mass = model.mass_matrix(motion);
     let energy = |nu: &Generalised| 0.5 * nu.dot(&(mass * nu));
@@ -31,7 +31,7 @@ fn project(mass: &MassMatrix, braked: &[bool; JOINTS], x: &mut Generalised) {
     let Some(factor) = mass.cholesky() else {
         return; // only a state that is not finite gets here, and the output check says so
     };
-    // unbraked joints get a unit diagonal and no force, which leaves them out of a system of fixed size
+    // unbraked joints get a unit diagonal and no force, which removes them from the fixed-size system
     let mut columns = SMatrix::<f64, VELOCITIES, JOINTS>::zeros();
     for joint in (0..JOINTS).filter(|&joint| braked[joint]) {
         let mut unit = Generalised::zeros();

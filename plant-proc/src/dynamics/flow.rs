@@ -1,5 +1,5 @@
-//! The servicer's motion as a differential equation, with wheel momentum, impulses, work and losses integrated beside it:
-//! with the same stages, so that the books close as well as the integrator is good.
+//! The servicer's equations of motion, augmented with wheel momentum, impulses, work and losses: these are integrated with
+//! the same stages, so the ledger closes to the accuracy of the integrator.
 
 use multibody::{Flow, Number, Rate};
 use nalgebra::{SVector, Vector3};
@@ -20,23 +20,23 @@ pub struct MotionRate<T = f64> {
     loss: T,
 }
 
-/// The equation.
+/// The equations of motion.
 #[derive(Debug, Clone, Copy)]
 pub struct Mechanics<'a> {
     /// The mechanism.
     pub model: &'a Model,
 }
 
-/// What acts on the servicer at a point of its motion.
+/// Forces at one state of the servicer.
 pub(super) struct Acting<T> {
-    /// On the servicer.
+    /// Generalised force on the servicer.
     pub(super) generalised: SVector<T, VELOCITIES>,
     /// Rate of the wheels' momentum.
     wheel_rate: Vector3<T>,
 }
 
 impl<T: Number> Acting<T> {
-    /// The actuators' forces, with the gyroscopic torque of the wheels where it acts.
+    /// The actuators' forces, with the gyroscopic torque of the wheels on the uncompensated axes.
     #[inline(always)]
     pub(super) fn of(motion: &Motion<T>, forces: &Forces<T>) -> Self {
         let turned = motion.servicer.omega().cross(&motion.wheel_momentum);
@@ -63,7 +63,7 @@ impl<T: Number> Acting<T> {
         }
     }
 
-    /// All rates, with the servicer's acceleration, the rate of the bob and the power of the dampers as given.
+    /// All rates, given the servicer's acceleration, the rate of the bob and the power of the dampers.
     #[inline(always)]
     pub(super) fn rates(
         &self,
@@ -118,7 +118,7 @@ impl Flow for Mechanics<'_> {
         let acting = Acting::of(motion, forces);
         let generalised = &acting.generalised;
         let braked = forces.braked.contains(&true);
-        // a brake does no work: what it holds does not move
+        // a brake does no work: the braked joint does not move
         let own = match &self.model.sphere {
             None => {
                 let tree = &self.model.tree;

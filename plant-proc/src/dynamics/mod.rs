@@ -1,4 +1,4 @@
-//! The motion of the servicer, with the books that show that nothing was gained or lost.
+//! Dynamics of the servicer, with a conservation ledger of momentum and energy.
 
 mod abreast;
 mod bodies;

@@ -14,11 +14,11 @@ use super::{COORDINATES, Generalised, Motion, Servicer, SloshModel, Target, Targ
 /// The constants of a run.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// Models of one version have the same constants.
+    /// Models with the same version have the same constants.
     pub version: u64,
     /// The servicer, after the grasp with the target welded to it.
     pub tree: Tree,
-    /// The same with a spherical pendulum in the place of the two hinges, if that is wanted. `tree` then tells the geometry alone.
+    /// The same with a spherical pendulum in place of the two hinges, if selected. `tree` then provides the geometry only.
     pub sphere: Option<Sphere>,
     /// The end effector.
     pub end_effector: FrameId,
@@ -28,11 +28,11 @@ pub struct Model {
     pub target_inertia: Inertia,
     /// Pose of the grasp frame in the target's.
     pub grasp: Placement,
-    /// Its attitude once more.
+    /// Attitude of the grasp frame in the target's.
     pub quat_TG: Quaternion,
 }
 
-/// How the gripper holds the target, and what closing it cost.
+/// How the gripper holds the target, and the energy lost when it closed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Grasp {
     /// Pose of the target's body frame in the end effector's.
@@ -152,9 +152,9 @@ impl Model {
         )
     }
 
-    /// Closes the gripper: from now on the servicer carries the target as it finds it. The impact is perfectly plastic and
-    /// conserves momentum: with the Jacobian J of the target's frame, `(M + Jᵀ M_T J) ν⁺ = M ν⁻ + Jᵀ M_T v_T⁻`. Base, joints
-    /// and pendulum all give way; no brake holds them.
+    /// Closes the gripper: from now on the target is welded to the end effector at its present relative pose. The impact is
+    /// perfectly plastic and conserves momentum: with the Jacobian J of the target's frame,
+    /// `(M + Jᵀ M_T J) ν⁺ = M ν⁻ + Jᵀ M_T v_T⁻`. Base, joints and pendulum all take part; no brake holds them.
     pub fn grasp(&mut self, motion: &mut Motion, target: &mut Target) -> Option<Grasp> {
         let servicer = &motion.servicer;
         let kinematics = self.kinematics(servicer);
@@ -193,7 +193,7 @@ impl Model {
         })
     }
 
-    /// Welds the target to the end effector at `held`, and changes nothing else: for a run that is restored after its grasp.
+    /// Welds the target to the end effector at `held`, and changes nothing else: for a run restored after the grasp.
     pub fn restore_grasp(&mut self, held: &Placement) {
         self.version = fresh();
         self.tree.attach(self.end_effector, held, &self.target_inertia);
@@ -213,7 +213,7 @@ impl Model {
         nu
     }
 
-    /// Puts what [`Model::velocities`] gives back.
+    /// Inverse of [`Model::velocities`]: writes the velocities into `motion`.
     pub fn set_velocities(&self, motion: &mut Motion, nu: &Generalised) {
         motion.servicer.nu = *nu;
         if self.sphere.is_some() {
@@ -232,7 +232,7 @@ impl Model {
     }
 }
 
-/// A version that no model of this process has yet.
+/// A version number not yet used in this process.
 fn fresh() -> u64 {
     static VERSIONS: AtomicU64 = AtomicU64::new(0);
     VERSIONS.fetch_add(1, Ordering::Relaxed)

@@ -1,4 +1,4 @@
-//! What is integrated, and what acts on it over a step.
+//! Integrated state, and the actuator forces held over a step.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{Bob, COORDINATES, VELOCITIES};
 use crate::actuators::THRUSTERS;
 
-/// Everything that is integrated.
+/// The integrated state.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound(
     serialize = "T: nalgebra::Scalar + Serialize",
@@ -15,7 +15,7 @@ use crate::actuators::THRUSTERS;
 pub struct Motion<T = f64> {
     /// The servicer.
     pub servicer: multibody::State<COORDINATES, VELOCITIES, T>,
-    /// The bob of a spherical pendulum; the hinges' places in `servicer` are then zero.
+    /// The bob of a spherical pendulum; the hinge coordinates in `servicer` are then zero.
     pub bob: Bob<T>,
     /// Angular momentum in the wheels, base axes, N m s.
     pub wheel_momentum: Vector3<T>,
@@ -25,21 +25,21 @@ pub struct Motion<T = f64> {
     pub angular_impulse: Vector3<T>,
     /// Work of all actuators on the servicer since the start, J.
     pub work: T,
-    /// Energy that dampers have taken out since the start, J.
+    /// Energy dissipated by dampers since the start, J.
     pub loss: T,
 }
 
-/// What the actuators do over a step.
+/// Actuator forces and torques over a step.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(bound(
     serialize = "T: nalgebra::Scalar + Serialize",
     deserialize = "T: nalgebra::Scalar + Deserialize<'de>"
 ))]
 pub struct Forces<T = f64> {
-    /// Torque of the wheels, base axes, N m: on the base where the gyroscopic torque is compensated, of the motors elsewhere.
+    /// Torque of the wheels, base axes, N m: on the base on compensated axes, of the motors on the others.
     pub wheel_torque: Vector3<T>,
-    /// Axes on which the wheels' own control compensates the gyroscopic torque `ω × h` over the step: the base feels `wheel_torque`
-    /// alone. On the others it feels `wheel_torque − ω × h`. Momentum is conserved either way.
+    /// Axes on which the wheel control compensates the gyroscopic torque `ω × h` over the step: the torque on the base is `wheel_torque`.
+    /// On the others it is `wheel_torque − ω × h`. Momentum is conserved either way.
     pub compensated: [bool; 3],
     /// Force of the thrusters, base axes, N.
     pub thruster_force: Vector3<T>,
@@ -49,6 +49,6 @@ pub struct Forces<T = f64> {
     pub thrust: [T; THRUSTERS],
     /// Torques of the joint motors, N m.
     pub joint_torque: [T; interfaces::JOINTS],
-    /// Joints that a brake holds; their motors do nothing.
+    /// Braked joints; their motors give no torque.
     pub braked: [bool; interfaces::JOINTS],
 }

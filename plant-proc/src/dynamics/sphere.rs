@@ -1,7 +1,7 @@
-//! The propellant as a spherical pendulum, in which no position of the bob is singular: [`multibody::SloshTree`].
+//! The propellant as a spherical pendulum, without a singular bob position: [`multibody::SloshTree`].
 //!
-//! The servicer's state keeps its shape; the places of the two hinges in it are zero, and the bob has a state of its own. Where all
-//! velocities are needed at once (the grasp, a brake) the last two are the bob's along two directions across its rod.
+//! The servicer's state keeps its layout; its two hinge coordinates are zero, and the bob has a separate state. Where all velocities
+//! are needed at once (the grasp, a brake) the last two are the bob's along two directions perpendicular to its rod.
 
 use interfaces::{JOINTS, files};
 use multibody::{
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Generalised, Servicer, VELOCITIES};
 
-/// Velocities without the pendulum's.
+/// Number of velocities without the pendulum's.
 const RIGID: usize = 6 + JOINTS;
 
 /// The state of the bob.
@@ -25,7 +25,7 @@ const RIGID: usize = 6 + JOINTS;
 pub struct Bob<T = f64> {
     /// Unit vector from hinge to bob, base axes; zero while the pendulum has hinges.
     pub d: Vector3<T>,
-    /// Angular velocity of the pendulum against the base, across `d`, base axes, rad/s.
+    /// Angular velocity of the pendulum relative to the base, perpendicular to `d`, base axes, rad/s.
     pub w: Vector3<T>,
 }
 
@@ -36,13 +36,13 @@ impl Bob {
         w: Vector3::new(0.0, 0.0, 0.0),
     };
 
-    /// Where hinges at these angles and rates would have it.
+    /// The bob's state for two hinges at these angles and rates.
     pub fn at(angles: [f64; 2], rates: [f64; 2]) -> Bob {
         let (d, w) = from_two_hinges(angles, rates);
         Bob { d, w }
     }
 
-    /// Turn from the hanging position as a rotation vector: its components about base y and x, rad.
+    /// Rotation from the hanging position as a rotation vector: its components about base y and x, rad.
     pub fn angles(&self) -> [f64; 2] {
         let axis = (-Vector3::z()).cross(&self.d);
         let size = axis.norm();
@@ -62,10 +62,10 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// Trades the two hinges of `description` for a spherical pendulum with the same bob.
+    /// Replaces the two hinges of `description` by a spherical pendulum with the same bob.
     ///
     /// # Errors
-    /// What about the hinges does not allow that.
+    /// The property of the hinges that does not allow this.
     pub fn new(description: &Description, servicer: &files::Servicer) -> Result<Self, String> {
         let [first, second] = &servicer.slosh.joints;
         let joint = |name: &str| {
@@ -98,7 +98,7 @@ impl Sphere {
             hinge: hinge(description, y)?,
             mass: bob.mass,
             length: -bob.com.z,
-            // about its rod the spherical pendulum has none
+            // the spherical pendulum has no inertia about its rod
             inertia: 0.5 * (bob.about_com.m11 + bob.about_com.m22),
             damping: y.damping,
             stiffness: y.stiffness,
@@ -151,14 +151,14 @@ impl Sphere {
         (all, w)
     }
 
-    /// Mass matrix of base, joints and the bob's two directions [`across`].
+    /// Mass matrix of base, joints and the bob's two directions from [`across`].
     pub fn mass_matrix(&self, servicer: &Servicer, bob: &Bob) -> SMatrix<f64, VELOCITIES, VELOCITIES> {
         let c = self.tree.slosh();
         let state = self.state(servicer, bob);
         let mut mass = SMatrix::<f64, VELOCITIES, VELOCITIES>::zeros();
         mass.fixed_view_mut::<RIGID, RIGID>(0, 0)
             .copy_from(&self.tree.tree().mass_matrix(&state.tree.q));
-        // the bob's velocity is v + ω × (hinge + l d) + l w × d; its turning across the rod is ω − d d·ω + w
+        // the bob's velocity is v + ω × (hinge + l d) + l w × d; its angular velocity perpendicular to the rod is ω − d d·ω + w
         let (mut speed, mut turn) = (
             SMatrix::<f64, 3, VELOCITIES>::zeros(),
             SMatrix::<f64, 3, VELOCITIES>::zeros(),
@@ -177,7 +177,7 @@ impl Sphere {
     }
 }
 
-/// Two unit vectors across `d` and each other.
+/// Two unit vectors perpendicular to `d` and to each other.
 pub fn across(d: &Vector3<f64>) -> [Vector3<f64>; 2] {
     // start from the base axis that is furthest from d, so that the product is never small
     let axis = d.iamin();
@@ -185,7 +185,7 @@ pub fn across(d: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [first, d.cross(&first)]
 }
 
-/// Where the joint sits on the base: nothing but fixed joints may lie between.
+/// Position of the joint on the base: only fixed joints may lie between.
 fn hinge(description: &Description, joint: &Joint) -> Result<Vector3<f64>, String> {
     let (mut place, mut link) = (joint.origin, joint.parent);
     while let Some(above) = description.joints.iter().find(|above| above.child == link) {

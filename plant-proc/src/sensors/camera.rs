@@ -1,4 +1,4 @@
-//! The camera: a pose of the target every now and then.
+//! The camera: a periodic measurement of the target's pose.
 
 use interfaces::CameraPose;
 use lockstep::participant::ParameterError;
@@ -15,17 +15,17 @@ use crate::dynamics::Target;
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraParameters {
-    /// Time between two pictures, a multiple of the plant's period. How long a picture takes to be understood is a delay
-    /// of the link.
+    /// Time between two measurements, a multiple of the plant's period. Image-processing latency is modelled as a delay of
+    /// the link.
     pub period: Quantity<Time>,
     /// Errors of the position, world axes; `period` in it is not used.
     pub position: ErrorParameters<Length, 3>,
-    /// Errors of the attitude: small turns about target axes; `period` in it is not used.
+    /// Errors of the attitude: small rotations about target axes; `period` in it is not used.
     pub attitude: ErrorParameters<Angle, 3>,
 }
 
 impl Default for CameraParameters {
-    /// Exact, ten pictures a second.
+    /// Exact, ten measurements per second.
     fn default() -> Self {
         Self {
             period: Quantity::of(0.1),
@@ -35,7 +35,7 @@ impl Default for CameraParameters {
     }
 }
 
-/// All that the camera remembers: its errors, and the last picture.
+/// Complete state of the camera: its errors, and the last measurement.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct CameraState {
     errors: [ErrorState; 2],
@@ -51,7 +51,7 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera that has seen nothing yet.
+    /// A camera before its first measurement.
     ///
     /// # Errors
     /// Names the parameter that is out of range.
@@ -100,7 +100,7 @@ impl Camera {
         };
     }
 
-    /// The last picture, with the plant's output number `k` at `t`, s.
+    /// The latest measurement at the plant's output number `k` at `t`, s.
     pub fn read(&mut self, k: u64, t: f64, target: &Target) -> &CameraPose {
         if let Some(n) = self.position.due(k) {
             let error = self.attitude.read(n, [0.0; 3]);

@@ -1,4 +1,4 @@
-//! The errors of one sensor with `N` channels.
+//! Error model of one sensor with `N` channels.
 
 use lockstep::participant::ParameterError;
 use lockstep::random::Stream;
@@ -7,23 +7,23 @@ use serde::{Deserialize, Serialize};
 
 use super::Source;
 
-/// Errors of a sensor, all zero unless given.
+/// Errors of a sensor, all zero by default.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default, bound = "K: Kind")]
 pub struct ErrorParameters<K, const N: usize> {
-    /// Time between two samples, a multiple of the plant's period; the last sample is held. Every period unless given.
+    /// Sampling period, a multiple of the plant's period; the last sample is held. The plant's period by default.
     pub period: Option<Quantity<Time>>,
     /// Constant error of each channel.
     pub bias: Each<K, N>,
-    /// Standard deviation that a random walk of each channel's error gains in one second.
+    /// Standard deviation that the random walk of each channel's error accumulates in one second.
     pub walk: Quantity<K>,
     /// Standard deviation of a slow error of each channel, first-order Gauss-Markov.
     pub drift: Quantity<K>,
     /// Time constant of the slow error.
     pub drift_time: Option<Quantity<Time>>,
-    /// Standard deviation of each sample's own error.
+    /// Standard deviation of the white noise of each sample.
     pub white: Quantity<K>,
-    /// Step of the reading.
+    /// Quantisation step of the reading.
     pub quantum: Quantity<K>,
 }
 
@@ -41,7 +41,7 @@ impl<K, const N: usize> Default for ErrorParameters<K, N> {
     }
 }
 
-/// All that the errors of a sensor remember.
+/// State of a sensor's errors.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct ErrorState {
     walk: Vec<f64>,
@@ -53,9 +53,9 @@ pub struct ErrorState {
 pub struct Errors<const N: usize> {
     every: u64,
     bias: [f64; N],
-    /// Growth of the walk a sample.
+    /// Standard deviation of the walk's increment per sample.
     walk_step: f64,
-    /// What is left of the drift a sample later, its standard deviation, and that of what comes new.
+    /// Drift: decay factor per sample, standard deviation, and standard deviation of the driving noise.
     drift: (f64, f64, f64),
     white: f64,
     quantum: f64,
@@ -65,7 +65,7 @@ pub struct Errors<const N: usize> {
 }
 
 impl<const N: usize> Errors<N> {
-    /// The errors of the sensor whose parameters stand at `key`.
+    /// Error model of the sensor with its parameters at `key`.
     ///
     /// # Errors
     /// Names the parameter that is out of range.
@@ -124,7 +124,7 @@ impl<const N: usize> Errors<N> {
         Ok(errors)
     }
 
-    /// All that they remember.
+    /// Their complete state.
     pub fn state(&self) -> ErrorState {
         ErrorState {
             walk: self.walked.to_vec(),
@@ -132,19 +132,19 @@ impl<const N: usize> Errors<N> {
         }
     }
 
-    /// Continues from `state`; one of another sensor is ignored.
+    /// Continues from `state`; a state with another number of channels is ignored.
     pub fn restore(&mut self, state: &ErrorState) {
         if let (Ok(walk), Ok(drift)) = (state.walk[..].try_into(), state.drift[..].try_into()) {
             (self.walked, self.drifted) = (walk, drift);
         }
     }
 
-    /// Whether a reading depends on those before it: it is held, or its error is a walk or a drift.
+    /// Whether a reading depends on earlier ones: it is held, or its error is a walk or a drift.
     pub fn remember(&self) -> bool {
         self.every > 1 || self.walk_step > 0.0 || self.drift.1 > 0.0
     }
 
-    /// The number of the sample that is taken with the plant's output number `k`, if there is one.
+    /// The number of the sample taken at the plant's output number `k`, if one is due.
     pub fn due(&self, k: u64) -> Option<u64> {
         k.is_multiple_of(self.every).then(|| k / self.every)
     }
@@ -177,14 +177,14 @@ impl<const N: usize> Errors<N> {
         }
     }
 
-    /// What the sensor reads in sample number `n` of these values.
+    /// The sensor's reading of these values in sample number `n`.
     pub fn read(&mut self, n: u64, values: [f64; N]) -> [f64; N] {
         let error = self.error(n);
         std::array::from_fn(|channel| self.quantised(values[channel] + error[channel]))
     }
 }
 
-/// How many of the plant's periods make one of the sensor's.
+/// Number of plant periods in one sensor period.
 pub fn samples_every(period: Option<Quantity<Time>>, plant: f64) -> Result<u64, String> {
     let Some(period) = period.map(|period| period.si()) else {
         return Ok(1);
@@ -234,7 +234,7 @@ mod tests {
             "{}",
             correlation(0).sqrt()
         );
-        // after 5 s, fifty samples, 1/e is left
+        // after 5 s, fifty samples, the correlation is 1/e
         assert!((correlation(50) / correlation(0) - 0.3679).abs() < 0.06);
     }
 

@@ -1,7 +1,7 @@
-//! From the truth to what is measured: sample and hold, bias, walk, drift, white noise, quantisation.
+//! Sensor models: sample and hold, bias, random walk, drift, white noise and quantisation of the true values.
 //!
-//! Every sensor draws from streams of its own, addressed by the number of its sample: no draw depends on who drew before,
-//! and a restored run sees the same noise.
+//! Every sensor has its own random streams, addressed by sample number: no random number depends on the order in which
+//! sensors are read, and a restored run has the same noise.
 
 mod camera;
 mod errors;
@@ -18,21 +18,21 @@ pub use parameters::SensorParameters;
 pub use servicer::{ServicerSensors, ServicerSensorsState};
 pub use source::Source;
 
-/// All that the sensors remember.
+/// Complete state of the sensors.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SensorsState {
-    /// Of the servicer's own state.
+    /// Sensors of the servicer's own state.
     pub servicer: ServicerSensorsState,
-    /// Of the target's pose.
+    /// Sensor of the target's pose.
     pub camera: CameraState,
 }
 
 /// The sensors.
 #[derive(Debug, Clone)]
 pub struct Sensors {
-    /// Of the servicer's own state.
+    /// Sensors of the servicer's own state.
     pub servicer: ServicerSensors,
-    /// Of the target's pose.
+    /// Sensor of the target's pose.
     pub camera: Camera,
 }
 
@@ -48,7 +48,7 @@ impl Sensors {
         })
     }
 
-    /// All that they remember.
+    /// Their complete state.
     pub fn state(&self) -> SensorsState {
         SensorsState {
             servicer: self.servicer.state(),

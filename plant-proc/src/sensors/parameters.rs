@@ -1,17 +1,17 @@
-//! What a scenario says about sensors.
+//! Sensor parameters of a scenario.
 
 use lockstep::units::{Angle, AngularRate, Length, Speed};
 use serde::Deserialize;
 
 use super::{CameraParameters, ErrorParameters};
 
-/// The sensors of a scenario; exact, at the plant's own rate, unless something is given.
+/// The sensors of a scenario; exact and at the plant's rate by default.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorParameters {
     /// Position of the base, world axes.
     pub position: ErrorParameters<Length, 3>,
-    /// Attitude of the base: small turns about base axes.
+    /// Attitude of the base: small rotations about base axes.
     pub attitude: ErrorParameters<Angle, 3>,
     /// Angular velocity of the base, base axes.
     pub rate: ErrorParameters<AngularRate, 3>,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::{ErrorState, Errors, SensorParameters, Source};
 use crate::dynamics::Servicer;
 
-/// All that these sensors remember: the errors, and the readings that are held.
+/// Complete state of these sensors: the errors, and the held readings.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ServicerSensorsState {
     errors: [ErrorState; 6],
@@ -29,7 +29,7 @@ pub struct ServicerSensors {
 }
 
 impl ServicerSensors {
-    /// Sensors that have read nothing yet.
+    /// Sensors before their first reading.
     ///
     /// # Errors
     /// Names the parameter that is out of range.
@@ -92,14 +92,14 @@ impl ServicerSensors {
         };
     }
 
-    /// Whether a reading depends on readings before it.
+    /// Whether a reading depends on earlier readings.
     pub fn remember(&self) -> bool {
         let three = [&self.position, &self.attitude, &self.rate, &self.velocity];
         let seven = [&self.joint_angle, &self.joint_rate];
         three.into_iter().any(Errors::remember) || seven.into_iter().any(Errors::remember)
     }
 
-    /// The readings with the plant's output number `k`.
+    /// The readings at the plant's output number `k`.
     pub fn read(&mut self, k: u64, servicer: &Servicer) -> &Measured {
         let held = &mut self.held;
         if let Some(n) = self.position.due(k) {
@@ -107,7 +107,7 @@ impl ServicerSensors {
         }
         if let Some(n) = self.attitude.due(k) {
             let error = self.attitude.read(n, [0.0; 3]);
-            // an exact sensor gives the attitude to the last bit
+            // an exact sensor returns the attitude bit for bit
             held.quat_NB = if error == [0.0; 3] {
                 servicer.quat_nb.to_wxyz()
             } else {

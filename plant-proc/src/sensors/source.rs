@@ -1,6 +1,6 @@
-//! Where the draws of sensors come from.
+//! Source of the sensors' random numbers.
 
-/// Where a sensor's draws come from.
+/// Source of a sensor's random numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
     /// The seed of the run.

@@ -17,7 +17,7 @@ pub fn scenarios() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios")
 }
 
-/// A scenario with the contents of files in place of their names.
+/// A scenario with file names replaced by the files' contents.
 pub fn load(name: &str) -> Table {
     let folder = scenarios();
     let text = std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();
@@ -55,7 +55,7 @@ pub fn make(scenario: &Table, name: &str) -> (Setup, Box<dyn Participant>) {
     try_make(scenario, name).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// The same, or the refusal.
+/// The same, or the error.
 pub fn try_make(scenario: &Table, name: &str) -> Result<(Setup, Box<dyn Participant>), ParameterError> {
     let own = &scenario["participants"][name];
     let factory: fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> =

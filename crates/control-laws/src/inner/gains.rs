@@ -3,7 +3,7 @@
 use crate::{Dof, Matrix13, ParameterError};
 use nalgebra::SymmetricEigen;
 
-/// `K_P` and `K_I`: from the velocity error to a force, and from its integral.
+/// `K_P` and `K_I`: from the velocity error and from its integral to a force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gains {
     kp: Matrix13,
@@ -11,10 +11,10 @@ pub struct Gains {
     form: Form,
 }
 
-/// What the matrices are.
+/// Kind of the matrices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
-    /// Constant and diagonal, both.
+    /// Both constant and diagonal.
     Diagonal,
     /// Constant.
     Full,
@@ -36,8 +36,8 @@ impl Gains {
     }
 
     /// `K_P(q) = M(q)^½ X M(q)^½` with constant symmetric X (1/s), and constant diagonal `ki`: the proportional part follows the
-    /// configuration, and the Lyapunov argument of the conditional integrator still holds, because it asks for no more than
-    /// `K_P > 0` and a constant `K_I`.
+    /// configuration, and the Lyapunov argument of the conditional integrator still holds, because it requires only `K_P > 0` and
+    /// a constant `K_I`.
     pub fn scheduled(x: Matrix13, ki: &Dof) -> Self {
         Self {
             kp: x,
@@ -69,12 +69,12 @@ impl Gains {
         &self.ki
     }
 
-    /// Whether every channel is on its own.
+    /// Whether the channels are decoupled.
     pub fn is_diagonal(&self) -> bool {
         self.form == Form::Diagonal
     }
 
-    /// Whether the integral part of every channel is on its own.
+    /// Whether the channels of the integral part are decoupled.
     pub(super) fn has_diagonal_ki(&self) -> bool {
         is_diagonal(&self.ki)
     }
@@ -84,7 +84,7 @@ impl Gains {
         self.form == Form::Scheduled
     }
 
-    /// `M^½ X M^½` for scheduled gains; not a number if the mass matrix is none, which the result then says.
+    /// `M^½ X M^½` for scheduled gains; NaN for an invalid mass matrix, which the result then shows.
     pub(super) fn kp_at(&self, mass: &Matrix13) -> Matrix13 {
         let Some(eigen) = SymmetricEigen::try_new(*mass, f64::EPSILON, EIGEN_ROUNDS_MAX) else {
             return Matrix13::repeat(f64::NAN);
@@ -117,7 +117,7 @@ impl Gains {
             let remedy = "must be positive definite (with diagonal gains: every gain above zero)";
             return Err(ParameterError::new("inner.kp", self.kp.diagonal().as_slice(), remedy));
         }
-        // a shift far below any gain of use: a channel without integral action is allowed, a negative one is not
+        // a shift far below any useful gain: a channel without integral action is allowed, a negative one is not
         let shift = Matrix13::identity() * (1e-12 * self.kp.diagonal().amax());
         if (self.ki + self.ki.transpose() + shift).cholesky().is_none() {
             let remedy = "must be positive semidefinite (with diagonal gains: no gain below zero)";

@@ -8,14 +8,14 @@ pub use gains::Gains;
 use crate::{Dof, Matrix13, ParameterError};
 use solve::{ImplicitStep, Singular};
 
-/// Which feedback law.
+/// Feedback law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FeedbackLaw {
-    /// Eq 7: proportional plus integral inside a saturation that the integrator knows about.
+    /// Eq 7: proportional plus integral inside a saturation that the integrator takes into account (anti-windup).
     ConditionalIntegrator {
-        /// Where the feedback force saturates.
+        /// Saturation bound of the feedback force.
         bound: Bound,
-        /// How the integrator is discretised.
+        /// Discretisation of the integrator.
         discretisation: Discretisation,
     },
     /// Eq 6: proportional plus integral, not bounded.
@@ -27,19 +27,19 @@ pub enum FeedbackLaw {
 /// Bound `F` of the feedback force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bound {
-    /// One bound a channel, N m and N: with the limits of the actuators the feedback alone never asks for more than there is.
+    /// One bound per channel, N m and N: with the limits of the actuators the feedback alone never exceeds them.
     PerChannel(Dof),
-    /// The paper's `‖K_S‖ I`: one number for newtons and newton metres alike.
+    /// The paper's `‖K_S‖ I`: one number for both N and N m.
     Scalar(f64),
 }
 
-/// How the conditional integrator is discretised.
+/// Discretisation of the conditional integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Discretisation {
     /// One implicit step: exact below saturation, and `|K_I σ| ≤ F` for every period (diagonal gains).
     #[default]
     Exact,
-    /// Forward Euler, for comparison: `σ` may leave its bound when the period is long against `K_P / K_I`.
+    /// Forward Euler, for comparison: `σ` may leave its bound when the period is long compared with `K_P / K_I`.
     Euler,
 }
 
@@ -50,8 +50,8 @@ pub struct Feedback {
     pub force: Dof,
     /// Which channels saturate.
     pub saturated: [bool; 13],
-    /// Whether the implicit step was solved; without that the force is not a number, and the integral stays. Gains that
-    /// [`InnerLoop::new`] takes always have a solution, and it is found for every state and error that is finite.
+    /// Whether the implicit step was solved; otherwise the force is NaN and the integral is unchanged. For gains accepted by
+    /// [`InnerLoop::new`] a solution always exists, and it is found for every finite state and error.
     pub converged: bool,
 }
 
@@ -59,7 +59,7 @@ pub struct Feedback {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InnerLoop {
     gains: Gains,
-    /// `K_P` now: constant, or that of the last mass matrix.
+    /// Current `K_P`: constant, or that of the last mass matrix.
     kp: Matrix13,
     bound: Option<Dof>,
     integrates: bool,
@@ -70,12 +70,12 @@ pub struct InnerLoop {
 }
 
 impl InnerLoop {
-    /// An inner loop with nothing integrated yet, stepped every `period_s`.
+    /// An inner loop with zero integral, stepped every `period_s`.
     ///
     /// # Errors
     ///
-    /// If `K_P` is not positive definite, `K_I` not positive semidefinite, a bound not above zero, or if couplings in `K_I` leave the
-    /// implicit step in saturation without a solution or with several.
+    /// If `K_P` is not positive definite, `K_I` is not positive semidefinite, or a bound is not above zero, or if couplings in `K_I`
+    /// leave the implicit step in saturation without a solution or with several.
     pub fn new(gains: Gains, law: &FeedbackLaw, period_s: f64) -> Result<Self, ParameterError> {
         ParameterError::positive("period_s", period_s)?;
         gains.validated()?;
@@ -127,22 +127,22 @@ impl InnerLoop {
         &self.sigma
     }
 
-    /// Continues from an integral, with the same bits.
+    /// Continues from an integral, bit for bit.
     pub fn restore(&mut self, sigma: &[f64; 13]) {
         self.sigma = (*sigma).into();
     }
 
-    /// Whether [`Self::schedule`] has to be told the mass matrix before every step.
+    /// Whether [`Self::schedule`] must be called with the mass matrix before every step.
     pub fn is_scheduled(&self) -> bool {
         self.gains.is_scheduled()
     }
 
-    /// Lets scheduled gains follow the mass matrix. Nothing of it is remembered from step to step.
+    /// Updates scheduled gains from the mass matrix. No state is carried from step to step.
     pub fn schedule(&mut self, mass: &Matrix13) {
         self.kp = self.gains.kp_at(mass);
     }
 
-    /// The implicit step for the gains now. Scheduled gains are inverted only where it is needed: while the feedback saturates.
+    /// The implicit step for the current gains. Scheduled gains are inverted only when needed: while the feedback saturates.
     fn implicit(&self) -> Option<ImplicitStep> {
         if self.is_scheduled() {
             ImplicitStep::new(&self.kp, self.gains.ki(), self.period_s).ok()
@@ -151,7 +151,7 @@ impl InnerLoop {
         }
     }
 
-    /// Takes in the velocity error `y = ṽ_v − ṽ` and advances the integral by a period.
+    /// Computes the feedback for the velocity error `y = ṽ_v − ṽ` and advances the integral by one period.
     pub fn step(&mut self, error: &Dof) -> Feedback {
         let proportional = self.kp * error;
         if !self.integrates {
@@ -201,7 +201,7 @@ impl InnerLoop {
 }
 
 impl Feedback {
-    /// Only gains that are not finite get here: the result says so.
+    /// Result for gains that are not finite.
     fn not_a_number() -> Self {
         Self {
             converged: false,

@@ -1,31 +1,31 @@
-//! The implicit step of the conditional integrator while it saturates.
+//! Implicit step of the conditional integrator in saturation.
 //!
-//! `σ⁺ = σ + T (−G σ⁺ + K_P⁻¹ sat_F(K_I σ⁺ + K_P y))` with `G = K_P⁻¹ K_I`. With diagonal gains there is one solution, and it has a closed
-//! form a channel. With full gains a fixed point finds it where `T G` is small, and [pivoting](ImplicitStep::pivoted) wherever there is one
-//! solution.
+//! `σ⁺ = σ + T (−G σ⁺ + K_P⁻¹ sat_F(K_I σ⁺ + K_P y))` with `G = K_P⁻¹ K_I`. With diagonal gains there is one solution, in closed form
+//! per channel. With full gains a fixed-point iteration finds it where `T G` is small, and [pivoting](ImplicitStep::pivoted) wherever the
+//! solution is unique.
 //!
-//! Written for `w = K_I σ⁺ + K_P y` and the part `d` of it beyond the bounds, the equation is `w + A d(w) = w₀` with `A = T K_I K_P⁻¹` and
-//! `w₀ = K_I (σ + T y) + K_P y`: piecewise linear, a piece for each choice S of the channels that saturate. It has exactly one solution
-//! for every `w₀` when `det(I + A_SS) > 0` for all S, because then all pieces have the same orientation. A diagonal `K_I` always meets
-//! that: `det(I + A_SS) = det(I + T K_I,S (K_P⁻¹)_SS)` is a sum of products of entries of `T K_I ≥ 0` and of principal minors of `K_P⁻¹`,
-//! which are positive because `K_P` is positive definite. A `K_I` with couplings may not; [`ImplicitStep::has_one_solution`] looks.
+//! In terms of `w = K_I σ⁺ + K_P y` and its excess `d` over the bounds, the equation is `w + A d(w) = w₀` with `A = T K_I K_P⁻¹` and
+//! `w₀ = K_I (σ + T y) + K_P y`: piecewise linear, with one piece for each set S of saturated channels. It has exactly one solution for
+//! every `w₀` when `det(I + A_SS) > 0` for all S, because then all pieces have the same orientation. A diagonal `K_I` always satisfies
+//! this: `det(I + A_SS) = det(I + T K_I,S (K_P⁻¹)_SS)` is a sum of products of entries of `T K_I ≥ 0` and of principal minors of `K_P⁻¹`,
+//! which are positive because `K_P` is positive definite. A `K_I` with couplings may not; [`ImplicitStep::has_one_solution`] checks.
 
 use crate::{DOF, Dof, Matrix13};
 
-/// Rounds of the fixed point. One round shrinks the error by about `T G / (1 + T G)`, 0.005 for the baseline; where `K_I` and `K_P` do
-/// not commute and `T G` is large, it may grow instead.
+/// Fixed-point iterations. One iteration multiplies the error by about `T G / (1 + T G)`, 0.005 for the baseline; where `K_I` and `K_P`
+/// do not commute and `T G` is large, the error may grow instead.
 const ROUNDS_MAX: usize = 200;
 
-/// Pieces that pivoting may cross: each channel may enter and leave its bounds several times. It ends, whatever rounding does.
+/// Pieces that pivoting may cross: each channel may enter and leave its bounds several times. Guarantees termination despite rounding.
 const PIECES_MAX: usize = 16 * DOF;
 
-/// What an implicit step found.
+/// Solution of an implicit step.
 pub(super) struct Solution {
     /// The integral at the end of the period.
     pub(super) sigma: Dof,
     /// `K_I σ⁺ + K_P y`, before the bound.
     pub(super) wanted: Dof,
-    /// Whether the fixed point settled to rounding.
+    /// Whether the solution converged to rounding accuracy.
     pub(super) converged: bool,
 }
 
@@ -38,7 +38,7 @@ pub(super) enum Singular {
     Ki,
 }
 
-/// Everything of the step that does not change: products of the gains and the period.
+/// Constants of the step: products of the gains and the period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ImplicitStep {
     kp: Dof,
@@ -52,7 +52,7 @@ pub(super) struct ImplicitStep {
 }
 
 impl ImplicitStep {
-    /// For regular gains; says which is not.
+    /// Builds the step for regular gains; returns the singular matrix otherwise.
     pub(super) fn new(kp: &Matrix13, ki: &Matrix13, period_s: f64) -> Result<Self, Singular> {
         let kp_inverse = kp.try_inverse().ok_or(Singular::Kp)?;
         let carry = (Matrix13::identity() + kp_inverse * ki * period_s)
@@ -95,7 +95,7 @@ impl ImplicitStep {
     }
 
     /// Whether the step of full gains has exactly one solution for every state and error: `det(I + A_SS) > 0` for all 2¹³ choices S of
-    /// saturated channels. A determinant is affine in the share of each channel, so the corners tell for all between them.
+    /// saturated channels. The determinant is affine in the share of each channel, so positivity at the corners suffices.
     pub(super) fn has_one_solution(&self) -> bool {
         let coupling = self.coupling();
         (0..1_u32 << DOF).all(|set| {
@@ -109,7 +109,7 @@ impl ImplicitStep {
         self.ki * self.kp_inverse * self.period_s
     }
 
-    /// Full gains: a fixed point, and where that does not settle, pivoting.
+    /// Full gains: fixed-point iteration and, where that does not converge, pivoting.
     pub(super) fn full(&self, sigma: &Dof, error: &Dof, proportional: &Dof, bound: &Dof) -> Solution {
         let carried = self.carry * sigma;
         let mut next = *sigma;
@@ -139,10 +139,11 @@ impl ImplicitStep {
 
     /// The bounded force `sat_F(w)` for the solution of `w + A d(w) = w₀`.
     ///
-    /// The bounds start where nothing saturates, at `F + p`, and come down to `F`. On the way w moves on straight lines, one a piece; at
-    /// the end of a piece one channel enters or leaves its bound, and one solution for every bound means that the way never turns back.
-    /// `p` differs from channel to channel so that no two of them arrive at once, whatever symmetry there is in the gains. Stops at the
-    /// first piece that holds at `F` itself: what is returned comes from one linear solve and carries no error from the pieces before.
+    /// A homotopy in the bounds: they start at `F + p`, where nothing saturates, and decrease to `F`. On the way w follows straight
+    /// segments, one per piece; at the end of a piece one channel enters or leaves its bound, and uniqueness of the solution for every
+    /// bound means that the path never turns back. `p` differs from channel to channel so that no two reach their bounds at once, whatever
+    /// symmetry the gains have. Stops at the first piece that holds at `F` itself: the returned value comes from one linear solve and
+    /// carries no error from earlier pieces.
     fn pivoted(&self, unbounded: &Dof, bound: &Dof) -> Option<Dof> {
         let coupling = self.coupling();
         let margin = Dof::from_fn(|channel, _| (unbounded[channel].abs() + bound[channel]) * spread(channel));
@@ -150,7 +151,7 @@ impl ImplicitStep {
         for _ in 0..PIECES_MAX {
             let within = |channel: usize| side[channel] != 0.0;
             let signs = Dof::from(side);
-            // d = at + λ along on this piece, with the bounds at F + λ p; zero in the channels that do not saturate
+            // d = at + λ along on this piece, with the bounds at F + λ p; zero in the unsaturated channels
             let piece = saturated_rows(&coupling, within).lu();
             let only = |value: Dof| Dof::from_fn(|channel, _| if within(channel) { value[channel] } else { 0.0 });
             let at = only(piece.solve(&only(unbounded - signs.component_mul(bound)))?);
@@ -160,7 +161,7 @@ impl ImplicitStep {
             let mut next: Option<(f64, usize, f64)> = None;
             for (channel, &towards) in side.iter().enumerate() {
                 let slack = 1e-13 * (unbounded[channel].abs() + bound[channel] + sum[channel]);
-                // how far the channel is from where the piece ends, at λ = 0 and per λ, and the side it is on beyond
+                // distance of the channel from the end of the piece, at λ = 0 and per λ, and its side beyond that end
                 let ends = if within(channel) {
                     [(at[channel] * towards, along[channel] * towards, 0.0); 2]
                 } else {
@@ -203,7 +204,7 @@ fn saturated_rows(coupling: &Matrix13, within: impl Fn(usize) -> bool) -> Matrix
     })
 }
 
-/// Between 1 and 2, different for every channel: steps of the golden ratio.
+/// A value between 1 and 2, different for every channel: multiples of the golden ratio modulo 1.
 fn spread(channel: usize) -> f64 {
     1.0 + (channel as f64 * 0.618_033_988_749_894_9).fract()
 }

@@ -4,20 +4,20 @@ use crate::ParameterError;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How the attitude error is measured.
+/// Definition of the attitude error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AttitudeLaw {
-    /// Eq 16: the vector part of the error quaternion times a sign `h` that jumps with hysteresis. Robustly global: no attitude from
-    /// which it does not converge, no unwinding, no chattering.
+    /// Eq 16: the vector part of the error quaternion times a sign `h` that jumps with hysteresis. Robustly globally convergent: from every
+    /// attitude, without unwinding or chattering.
     Hybrid {
-        /// Hysteresis δ, above 0 and below 1. With 0.5 the sign jumps when the error along the current way exceeds 240 degrees.
+        /// Hysteresis δ, above 0 and below 1. With 0.5 the sign jumps when the error along the current direction exceeds 240 degrees.
         hysteresis: f64,
     },
-    /// Eq 13: the skew part of the error's rotation matrix, `½ (R_e − R_eᵀ)`. Continuous, twice as steep as the quaternion at small
+    /// Eq 13: the skew part of the error's rotation matrix, `½ (R_e − R_eᵀ)`. Continuous, twice the slope of the quaternion at small
     /// errors, and zero also at errors of half a turn, from where it does not converge.
     RotationMatrix,
-    /// The vector part of the error quaternion with `h = 1` for ever: beyond half a turn it takes the long way round (unwinding).
-    /// For comparison.
+    /// The vector part of the error quaternion with `h = 1` always: beyond half a turn it takes the longer rotation (unwinding). For
+    /// comparison.
     Quaternion,
 }
 
@@ -43,28 +43,28 @@ impl AttitudeLaw {
 /// The attitude error at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AttitudeError {
-    /// Error quaternion `η_e`, scalar first; its sign follows the previous instant.
+    /// Error quaternion `η_e`, scalar first; its sign is continuous with the previous instant.
     pub quaternion: [f64; 4],
     /// The sign `h`, 1 or −1.
     pub h: f64,
     /// Whether `h` jumped at this instant.
     pub jumped: bool,
-    /// The vector that is fed back, end-effector axes, without unit: half the rotation vector at small errors, with Eq 13 all of it.
+    /// The feedback vector, end-effector axes, dimensionless: half the rotation vector at small errors; with Eq 13 all of it.
     pub vector: Vector3<f64>,
 }
 
 impl AttitudeError {
-    /// The angle between the two attitudes, the short way, rad.
+    /// The smallest angle between the two attitudes, rad.
     pub fn angle_rad(&self) -> f64 {
         let [w, x, y, z] = self.quaternion;
         2.0 * libm::atan2((x * x + y * y + z * z).sqrt(), w.abs())
     }
 }
 
-/// All that the attitude law remembers, as plain numbers.
+/// Complete state of the attitude law, as plain numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AttitudeState {
-    /// Whether an error has been seen; before that the other fields mean nothing.
+    /// Whether an error has been processed; before that the other fields are meaningless.
     pub started: bool,
     /// The sign `h`.
     pub h: f64,
@@ -73,14 +73,14 @@ pub struct AttitudeState {
 }
 
 impl AttitudeState {
-    /// Nothing seen yet.
+    /// Initial state.
     pub const START: Self = Self {
         started: false,
         h: 1.0,
         quaternion: [1.0, 0.0, 0.0, 0.0],
     };
 
-    /// No error to follow at this instant.
+    /// Result when there is no set-point at this instant.
     pub(crate) fn unchanged(&self) -> AttitudeError {
         AttitudeError {
             quaternion: [1.0, 0.0, 0.0, 0.0],
@@ -90,10 +90,10 @@ impl AttitudeState {
         }
     }
 
-    /// Takes in the error `q_e` between desired frame and end effector.
+    /// Updates the state with the error `q_e` between desired frame and end effector.
     pub fn update(&mut self, law: &AttitudeLaw, q_e: &UnitQuaternion<f64>) -> AttitudeError {
         let mut quaternion = [q_e.w, q_e.i, q_e.j, q_e.k];
-        // both signs are the same attitude; h has a meaning only if the sign does not jump by itself
+        // both signs represent the same attitude; h is meaningful only if the sign is continuous
         let along: f64 = quaternion
             .iter()
             .zip(&self.quaternion)
@@ -154,7 +154,7 @@ mod tests {
             let mut state = AttitudeState::START;
             let error = state.update(&HYBRID, &about_z(degrees));
             assert_eq!(error.h, h, "{degrees}");
-            // fed back with a minus sign: the error shrinks the short way
+            // fed back with a minus sign: the error shrinks by the shorter rotation
             let short = if degrees.abs() > 180.0 {
                 degrees - 360.0 * degrees.signum()
             } else {
@@ -174,7 +174,7 @@ mod tests {
             let mut degrees = from;
             while degrees != to {
                 degrees += step;
-                // the raw quaternion comes with either sign: the law must not mind
+                // the raw quaternion may have either sign: the law must be insensitive to it
                 let raw = about_z(f64::from(degrees) + 0.5);
                 let raw = if degrees % 3 == 0 {
                     UnitQuaternion::new_unchecked(-raw.into_inner())
@@ -188,7 +188,7 @@ mod tests {
         };
         sweep(0, 300);
         sweep(300, 0);
-        // on the way up at 240.5; on the way back the error along the new way is 360 − angle, beyond 240 below 120
+        // increasing: at 240.5; decreasing: the error along the new direction is 360 − angle, above 240 for angles below 120
         assert_eq!(jumps, [240, 119]);
     }
 
@@ -203,7 +203,7 @@ mod tests {
         assert_eq!(jumps, 0);
     }
 
-    /// Turns a frame as the law asks until it comes to rest: the angle travelled and the angle left, rad.
+    /// Rotates a frame as commanded by the law until it comes to rest: the angle travelled and the remaining angle, rad.
     fn closed_loop(law: &AttitudeLaw, mut state: AttitudeState, mut q: UnitQuaternion<f64>) -> (f64, f64) {
         let mut travelled = 0.0;
         for _ in 0..4000 {
@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn the_hybrid_law_does_not_unwind_and_the_plain_one_does() {
         let far = about_z(300.0);
-        // the error grew to 300 degrees along the way it is measured
+        // the error grew to 300 degrees along the current direction
         let grown = AttitudeState {
             started: true,
             h: 1.0,

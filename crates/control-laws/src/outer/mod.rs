@@ -12,16 +12,16 @@ use crate::{Dof, JOINTS, Jacobian, ParameterError, Twist};
 use guidance_laws::{Pose, SetPoint};
 use nalgebra::Vector3;
 
-/// Everything a user chooses.
+/// User parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OuterParameters {
-    /// How the attitude error is measured.
+    /// Definition of the attitude error.
     pub attitude: AttitudeLaw,
-    /// Diagonal of `K_att`, 1/s. Slightly unequal gains leave no symmetry for the error to be trapped in.
+    /// Diagonal of `K_att`, 1/s. Slightly unequal gains avoid a symmetry in which the error could be trapped.
     pub attitude_gain: Vector3<f64>,
     /// Diagonal of `K_pos`, 1/s.
     pub position_gain: Vector3<f64>,
-    /// How the motion is shared between base and arm.
+    /// Weights that share the motion between base and arm.
     pub weights: Weights,
 }
 
@@ -37,7 +37,7 @@ impl Default for OuterParameters {
     }
 }
 
-/// What the outer loop reads.
+/// Inputs of the outer loop.
 #[derive(Debug, Clone, Copy)]
 pub struct OuterInput<'a> {
     /// Pose of the end effector in the world.
@@ -48,16 +48,16 @@ pub struct OuterInput<'a> {
     pub jacobian: &'a Jacobian,
     /// Further factor on the weight of each joint, 1 for none.
     pub joint_factor: &'a [f64; JOINTS],
-    /// What to follow; `None` asks to stay where it is.
+    /// Set-point; `None` commands the end effector to hold its pose.
     pub set_point: Option<&'a SetPoint>,
 }
 
-/// What the outer loop answers.
+/// Outputs of the outer loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OuterOutput {
     /// Virtual velocity `ṽ_v`: order and units of the generalised velocity.
     pub velocity: Dof,
-    /// Twist asked of the end effector, `[w; v]` in end-effector axes, rad/s and m/s.
+    /// Commanded twist of the end effector, `[w; v]` in end-effector axes, rad/s and m/s.
     pub twist: Twist,
     /// Position error `p_e = p_E − p_d`, world axes, m.
     pub position_error: Vector3<f64>,
@@ -65,7 +65,7 @@ pub struct OuterOutput {
     pub attitude_error: AttitudeError,
     /// Weight of the arm.
     pub weight: Weight,
-    /// The pseudoinverse in use, for motions in its null space.
+    /// The current pseudoinverse, for motions in its null space.
     pub inverse: WeightedPseudoinverse,
 }
 
@@ -77,7 +77,7 @@ pub struct OuterLoop {
 }
 
 impl OuterLoop {
-    /// An outer loop that has seen nothing yet.
+    /// An outer loop in its initial state.
     ///
     /// # Errors
     ///
@@ -97,12 +97,12 @@ impl OuterLoop {
         })
     }
 
-    /// All that the outer loop remembers.
+    /// Complete state of the outer loop.
     pub fn state(&self) -> &AttitudeState {
         &self.attitude
     }
 
-    /// Continues from `state`, with the same bits.
+    /// Continues from `state`, bit for bit.
     pub fn restore(&mut self, state: &AttitudeState) {
         self.attitude = *state;
     }
@@ -136,7 +136,7 @@ impl OuterLoop {
         let p_e = end_effector.position - set_point.pose.position; // Eq 10
         let q_e = set_point.pose.attitude.inverse() * q_NE; // η_e = η_d* ⊗ η_E, Eq 12
         let error = self.attitude.update(attitude, &q_e);
-        // Eq 13 or 17, in end-effector axes; R_eᵀ carries the desired rate from desired to end-effector axes
+        // Eq 13 or 17, in end-effector axes; R_eᵀ transforms the desired rate from desired to end-effector axes
         let w = q_e.inverse() * set_point.rate - attitude_gain.component_mul(&error.vector);
         // Eq 17
         let v = q_NE.inverse() * (set_point.velocity - position_gain.component_mul(&p_e));

@@ -3,7 +3,7 @@
 use crate::{Dof, Jacobian, Twist};
 use nalgebra::{Matrix6, SMatrix};
 
-/// `J† = W Jᵀ (J W Jᵀ)⁻¹`: of all velocities that give a twist the one with the least `ṽᵀ W⁻¹ ṽ`.
+/// `J† = W Jᵀ (J W Jᵀ)⁻¹`: of all velocities that give a twist, the one that minimises `ṽᵀ W⁻¹ ṽ`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeightedPseudoinverse {
     jacobian: Jacobian,
@@ -11,8 +11,8 @@ pub struct WeightedPseudoinverse {
 }
 
 impl WeightedPseudoinverse {
-    /// For the Jacobian (6 × 13) and the diagonal of `W`, whose entries are not negative; the base's are above zero, and the base alone
-    /// can move the end effector any way, so `J W Jᵀ` is always regular.
+    /// Builds it from the Jacobian (6 × 13) and the diagonal of `W`, whose entries are not negative. The base's entries are above zero, and
+    /// the base alone can give the end effector any twist, so `J W Jᵀ` is always regular.
     pub fn new(jacobian: &Jacobian, weight: &Dof) -> Self {
         let mut weighted = jacobian.transpose(); // W Jᵀ
         for (mut row, weight) in weighted.row_iter_mut().zip(weight.iter()) {
@@ -21,7 +21,7 @@ impl WeightedPseudoinverse {
         let gram: Matrix6<f64> = jacobian * weighted;
         let gram_inverse = match gram.cholesky() {
             Some(factor) => factor.inverse(),
-            // only a Jacobian that is not finite gets here: the result says so instead of hiding it
+            // reached only for a Jacobian that is not finite: the result is NaN instead of hiding it
             None => Matrix6::repeat(f64::NAN),
         };
         Self {
@@ -35,7 +35,7 @@ impl WeightedPseudoinverse {
         self.inverse * twist
     }
 
-    /// The part of `velocity` that leaves the end effector at rest: `(I − J† J) ṽ`.
+    /// Null-space component of `velocity`, which leaves the end effector at rest: `(I − J† J) ṽ`.
     pub fn null_space(&self, velocity: &Dof) -> Dof {
         velocity - self.inverse * (self.jacobian * velocity)
     }
@@ -109,7 +109,7 @@ mod tests {
                 velocity.iter().zip(weight.iter()).filter(|(_, w)| **w > 0.0).map(|(v, w)| v * v / w).sum()
             };
             prop_assert!(cost(&best) <= cost(&other) * (1.0 + 1e-10) + 1e-12);
-            // and stationary: the difference, a motion of the null space, is orthogonal in that cost
+            // and stationary: the difference, a null-space motion, is orthogonal in the metric of the cost
             let difference = inverse.null_space(&other);
             let product: f64 = (0..13).filter(|i| weight[*i] > 0.0).map(|i| best[i] * difference[i] / weight[i]).sum();
             prop_assert!(product.abs() < 1e-9 * (1.0 + cost(&other)));

@@ -1,11 +1,11 @@
-//! How a twist of the end effector is shared between base and arm: the weights of the pseudoinverse (Eq 14 and 15).
+//! Weights of the pseudoinverse, which share a twist of the end effector between base and arm (Eq 14 and 15).
 
 use crate::{Dof, JOINTS, ParameterError};
 
 /// Weight ε of the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ArmWeight {
-    /// Eq 15: linear in the distance of the base from the target, and never below zero. Far away the base flies, close by the arm moves.
+    /// Eq 15: linear in the distance of the base from the target, and never below zero. Far away the base moves, near the target the arm.
     ByDistance {
         /// Distance `r_cl` at which the weight is `near_weight`, m.
         near_m: f64,
@@ -16,12 +16,12 @@ pub enum ArmWeight {
         /// Weight at the far distance.
         far_weight: f64,
     },
-    /// The same everywhere.
+    /// Constant weight.
     Fixed(f64),
 }
 
 impl Default for ArmWeight {
-    /// 100 at the closing distance |(−0.35, 0, −2.375) m| and 10 at twice that, as the paper.
+    /// 100 at the closing distance |(−0.35, 0, −2.375) m| and 10 at twice that, as in the paper.
     fn default() -> Self {
         let near_m = (0.35_f64 * 0.35 + 2.375 * 2.375).sqrt();
         Self::ByDistance {
@@ -33,7 +33,7 @@ impl Default for ArmWeight {
     }
 }
 
-/// Everything a user chooses about the sharing.
+/// User parameters of the weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
     /// Weight of the base's rotation.
@@ -63,7 +63,7 @@ impl Default for Weights {
 pub struct Weight {
     /// ε.
     pub epsilon: f64,
-    /// Whether Eq 15 asked for a negative ε and was held at zero: the arm rests.
+    /// Whether Eq 15 gave a negative ε, which was clamped to zero: the arm rests.
     pub clamped: bool,
     /// Diagonal of `W`.
     pub diagonal: Dof,
@@ -71,7 +71,7 @@ pub struct Weight {
 
 impl Weights {
     pub(super) fn validated(&self) -> Result<(), ParameterError> {
-        // a base weight above zero keeps J W Jᵀ regular whatever the arm does
+        // a base weight above zero keeps J W Jᵀ regular in every arm configuration
         ParameterError::positive("outer.weights.base_rotation", self.base_rotation)?;
         ParameterError::positive("outer.weights.base_translation", self.base_translation)?;
         for factor in self.joint_factor {

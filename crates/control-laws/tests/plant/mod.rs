@@ -1,4 +1,4 @@
-//! A plant in one loop with guidance and controller: the baseline, simulated without any of the framework.
+//! A plant in one loop with guidance and controller: the baseline, simulated without the framework.
 //!
 //! 15-DOF servicer with motor inertia, classical Runge-Kutta at 1 ms, inputs held; ideal target; guidance and controller at 10 ms without
 //! delay. Order at an instant: measured state, guidance, controller, then ten steps of the plant.
@@ -61,7 +61,7 @@ pub(crate) struct Plant {
     pub(crate) state: State<9, 15>,
     pub(crate) target: TargetState,
     target_model: TargetModel,
-    /// What the actuators have.
+    /// Limits of the actuators.
     pub(crate) limits: [f64; 13],
 }
 
@@ -170,7 +170,7 @@ fn moved(state: &State<9, 15>, step_s: f64, rate: &Rate) -> State<9, 15> {
     }
 }
 
-/// What a run is judged by.
+/// Results by which a run is assessed.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Figures {
     pub(crate) position_error_m: f64,
@@ -180,17 +180,17 @@ pub(crate) struct Figures {
     pub(crate) peak_torque_nm: f64,
     pub(crate) peak_force_n: f64,
     pub(crate) peak_joint_nm: f64,
-    /// Fraction of the controller's samples with a wheel asked for more than it has.
+    /// Fraction of the controller's samples in which a command exceeds a wheel's limit.
     pub(crate) wheels_over: f64,
-    /// Fraction of the controller's samples with any actuator asked for more than it has.
+    /// Fraction of the controller's samples in which a command exceeds any actuator's limit.
     pub(crate) saturated: f64,
     pub(crate) slosh_deg: f64,
     pub(crate) joint_low_deg: [f64; 7],
     pub(crate) joint_high_deg: [f64; 7],
 }
 
-/// Runs `law` every `period_s` from 0 to `duration_s` and judges the run with the grasp at `grasp_s`. The law sees the time and the plant
-/// as it stands (what an ideal sensor and an ideal camera show) and answers a command.
+/// Runs `law` every `period_s` from 0 to `duration_s` and assesses the run with the grasp at `grasp_s`. The law receives the time and the
+/// plant's true state (as from an ideal sensor and an ideal camera) and returns a command.
 pub(crate) fn run(
     mut plant: Plant,
     duration_s: f64,

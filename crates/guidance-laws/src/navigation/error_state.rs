@@ -1,6 +1,6 @@
-//! The error state of the navigation filter: its order, motion, noise, and what the camera sees of it.
+//! The error state of the navigation filter: order, dynamics, process noise and observation model.
 //!
-//! Errors are truth minus estimate; the attitude's is a rotation vector in target axes, `q = q̂ ⊗ exp(δθ)`.
+//! Errors are truth minus estimate; the attitude error is a rotation vector in target axes, `q = q̂ ⊗ exp(δθ)`.
 
 use super::{Parameters, PositionAttitude};
 use crate::so3;
@@ -14,7 +14,7 @@ pub(super) const RATE: usize = 9;
 pub(super) const POSITION_DRIFT: usize = 12;
 pub(super) const ATTITUDE_DRIFT: usize = 15;
 
-/// Longest step of the covariance, s: the rate of the target is taken as constant within.
+/// Longest propagation step of the covariance, s: the target's angular rate is assumed constant within a step.
 pub(super) const LONGEST_STEP_S: f64 = 0.1;
 
 pub(super) type ErrorState = SVector<f64, STATES>;
@@ -28,7 +28,7 @@ fn square(sigma: f64) -> Matrix3<f64> {
     Matrix3::identity() * (sigma * sigma)
 }
 
-/// Covariance after the first pose, whose errors are the camera's: they are in the estimate and, with the opposite sign, in the drift.
+/// Covariance after the first pose. Its errors are the camera's: they appear in the estimate and, with opposite sign, in the drift.
 pub(super) fn initial(parameters: &Parameters) -> Covariance {
     let mut covariance = Covariance::zeros();
     let PositionAttitude { position, attitude } = parameters.drift_sigma;
@@ -68,7 +68,7 @@ pub(super) fn initial(parameters: &Parameters) -> Covariance {
     covariance
 }
 
-/// Motion of the error over `step_s` with the target turning at `rate`, and the covariance that the unknown adds.
+/// Transition matrix of the error over `step_s` with the target turning at `rate`, and the covariance of the process noise.
 pub(super) fn transition(parameters: &Parameters, rate: &Vector3<f64>, step_s: f64) -> (Covariance, Covariance) {
     // attitude and rate: δθ' = −ω × δθ + δω, δω' = A δω; a Taylor series of the exponential, exact to 1e-10 for steps this short
     let mut a = Matrix6::<f64>::zeros();
@@ -113,7 +113,7 @@ pub(super) fn transition(parameters: &Parameters, rate: &Vector3<f64>, step_s: f
     (phi, noise)
 }
 
-/// What the camera sees of the error: position and attitude residual. `drift` is the rotation of the vector `attitude_drift`.
+/// Observation matrix: position and attitude residual. `drift` is the rotation of the vector `attitude_drift`.
 pub(super) fn observation(drift: &UnitQuaternion<f64>, attitude_drift: &Vector3<f64>) -> SMatrix<f64, 6, STATES> {
     let mut h = SMatrix::<f64, 6, STATES>::zeros();
     h.fixed_view_mut::<3, 3>(0, POSITION).copy_from(&Matrix3::identity());

@@ -1,9 +1,9 @@
-//! Navigation: the target's motion from a noisy camera pose that arrives late.
+//! Navigation filter: estimates the target's motion from noisy, delayed camera poses.
 //!
-//! A multiplicative error-state Kalman filter whose process is the rigid body itself: position and velocity of the centre of mass,
-//! attitude and angular velocity by Euler's equation, and the camera's own errors, which drift slowly instead of being white. The estimate
-//! lives at the stamp of the newest camera pose; a step predicts it over the latency to the present with the target's own motion, and so
-//! gives a smooth set-point at any rate.
+//! A multiplicative error-state Kalman filter with the rigid body as its process model: position and velocity of the centre of mass,
+//! attitude and angular velocity by Euler's equation, and the camera's slowly drifting (not white) errors. The estimate refers to the
+//! stamp of the newest camera pose; a step predicts it over the latency to the present with the target's dynamics, and so gives a smooth
+//! set-point at any rate.
 //!
 //! Camera model: `p_m = p_NT + b_p + n_p` (world axes) and `q_m = q_NT ⊗ exp(b_θ + n_θ)` (target axes), where `b` is a first-order
 //! Gauss-Markov process of a known standard deviation and time constant and `n` is white.
@@ -22,59 +22,59 @@ use error_state::{Covariance, ErrorState, STATES, transition};
 use nalgebra::{Quaternion, SMatrix, SVector, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// A pose of the target by the camera.
+/// A pose of the target measured by the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraPose {
-    /// When the picture was taken, s.
+    /// Time at which the image was taken, s.
     pub stamp_s: f64,
     /// Measured pose of the target body frame in the world.
     pub pose: Pose,
 }
 
-/// What the filter answers.
+/// Output of the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
-    /// Motion of the target at the time asked for.
+    /// Motion of the target at the requested time.
     pub target: TargetState,
-    /// Standard deviation at the stamp of the newest pose: of the position, the length over the three axes, m.
+    /// Standard deviation of the position at the stamp of the newest pose, root sum square over the three axes, m.
     pub position_sigma_m: f64,
-    /// The same of the attitude, rad.
+    /// The same for the attitude, rad.
     pub attitude_sigma_rad: f64,
-    /// Age of the newest pose that was taken in, s: what the prediction bridges.
+    /// Age of the newest accepted pose, s: the prediction interval.
     pub age_s: f64,
-    /// What became of the pose of this step.
+    /// Outcome for the pose of this step.
     pub update: Update,
 }
 
-/// What became of a camera pose.
+/// Outcome for a camera pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Update {
-    /// There was none, or one that was known already.
+    /// There was no pose, or one that had already been processed.
     None,
-    /// It started the filter.
+    /// It initialised the filter.
     Started,
-    /// It was taken in.
+    /// It was accepted.
     Accepted {
         /// Normalised innovation squared: 6 on average when the filter is consistent.
         nis: f64,
     },
-    /// It was refused.
+    /// It was rejected.
     Refused {
         /// Normalised innovation squared.
         nis: f64,
     },
 }
 
-/// All that the filter remembers, as plain numbers.
+/// Complete state of the filter, as plain numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// Whether a pose has been taken in; before that the other fields mean nothing.
+    /// Whether a pose has been accepted; before that the other fields are meaningless.
     pub started: bool,
-    /// Stamp of the newest pose seen, s.
+    /// Stamp of the newest pose received, s.
     pub stamp_s: f64,
-    /// Stamp the estimate stands at, s.
+    /// Stamp of the estimate, s.
     pub estimate_s: f64,
-    /// Poses refused in a row.
+    /// Consecutive rejected poses.
     pub refusals: u32,
     /// Position, m.
     pub position: [f64; 3],
@@ -99,7 +99,7 @@ pub struct NavigationFilter {
     belief: Option<Belief>,
 }
 
-/// What is believed at a stamp.
+/// The estimate at a stamp.
 #[derive(Debug, Clone, PartialEq)]
 struct Belief {
     newest_s: f64,
@@ -112,7 +112,7 @@ struct Belief {
 }
 
 impl NavigationFilter {
-    /// A filter that has seen nothing yet.
+    /// A filter in its initial state.
     ///
     /// # Errors
     ///
@@ -143,7 +143,7 @@ impl NavigationFilter {
         })
     }
 
-    /// A filter that continues from `state`, with the same bits.
+    /// A filter that continues from `state`, bit for bit.
     ///
     /// # Errors
     ///
@@ -172,7 +172,7 @@ impl NavigationFilter {
         })
     }
 
-    /// All that the filter remembers.
+    /// Complete state of the filter.
     pub fn state(&self) -> State {
         match &self.belief {
             None => State {
@@ -204,7 +204,7 @@ impl NavigationFilter {
         }
     }
 
-    /// Takes in a camera pose, if there is a new one, and says where the target is at `time_s`. `None` until there was a first pose.
+    /// Processes a camera pose, if there is a new one, and returns the target's motion at `time_s`. `None` before the first pose.
     pub fn step(&mut self, time_s: f64, camera: Option<&CameraPose>) -> Option<Estimate> {
         let update = match camera {
             None => Update::None,
@@ -292,7 +292,7 @@ impl Belief {
         self.estimate_s = to_s;
     }
 
-    /// Takes in a pose unless it is out of the gate; the normalised innovation squared.
+    /// Updates the estimate with a pose unless it is outside the gate; returns the normalised innovation squared.
     fn update(&mut self, parameters: &Parameters, pose: &Pose) -> f64 {
         let drift = so3::exp(&self.attitude_drift);
         let expected = self.target.pose.attitude * drift;

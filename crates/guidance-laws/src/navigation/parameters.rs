@@ -1,4 +1,4 @@
-//! What a user of the navigation chooses.
+//! User parameters of the navigation filter.
 
 use crate::target::TargetModel;
 
@@ -11,7 +11,7 @@ pub struct PositionAttitude {
     pub attitude: f64,
 }
 
-/// Everything a user chooses.
+/// User parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
     /// The target's rigid-body motion.
@@ -20,15 +20,15 @@ pub struct Parameters {
     pub drift_sigma: PositionAttitude,
     /// Time constant of the slow errors, s.
     pub drift_time_s: f64,
-    /// Standard deviation of the camera's white errors, m and rad about each axis; above zero. Give more than the camera has to make the
-    /// estimate smoother: against slow errors it costs hardly any accuracy, and a controller feels every step of the estimate.
+    /// Standard deviation of the camera's white errors, m and rad about each axis; above zero. A value above the camera's true one makes
+    /// the estimate smoother: next to the slow errors it costs hardly any accuracy, and every step of the estimate reaches the controller.
     pub white_sigma: PositionAttitude,
-    /// Density of the accelerations the model does not know, m/s² and rad/s² per √Hz. Keeps the filter awake.
+    /// Density of the unmodelled accelerations, m/s² and rad/s² per √Hz. Keeps the filter gain from vanishing.
     pub acceleration_density: PositionAttitude,
     /// Standard deviation of the velocities before the first pose, m/s and rad/s about each axis.
     pub initial_rate_sigma: PositionAttitude,
-    /// A pose is refused when its normalised innovation squared exceeds this. 22.5 refuses one good pose in a thousand; infinity none.
+    /// A pose is rejected when its normalised innovation squared exceeds this. 22.5 rejects one good pose in a thousand; infinity none.
     pub gate: f64,
-    /// So many poses refused in a row start the filter anew: then it is the filter that is wrong.
+    /// Number of consecutive rejected poses after which the filter is re-initialised: then the estimate is assumed wrong.
     pub refusals_max: u32,
 }

@@ -1,4 +1,4 @@
-//! Model files: what plant, controller and guidance each read of the same servicer and the same target.
+//! Model files: data of the servicer and the target shared by plant, controller and guidance.
 
 mod servicer;
 mod target;

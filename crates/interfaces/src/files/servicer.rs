@@ -1,4 +1,4 @@
-//! What a URDF cannot say of the servicer.
+//! Servicer data that a URDF cannot express.
 
 use lockstep::units::{Each, Inertia, Quantity, RotationalDamping, RotationalStiffness};
 use serde::Deserialize;
@@ -6,17 +6,17 @@ use serde::Deserialize;
 use crate::{JOINTS, SLOSH};
 use multibody::{Description, UrdfErrors, UrdfOptions};
 
-/// The servicer beyond its URDF.
+/// Data of the servicer in addition to its URDF.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Servicer {
     /// The arm.
     #[serde(default)]
     pub arm: Arm,
-    /// The pendulum that stands for the propellant.
+    /// The pendulum that models the propellant.
     #[serde(default)]
     pub slosh: Slosh,
-    /// Whether to go on with links in the URDF that no distribution of mass has.
+    /// Whether to accept links in the URDF with physically impossible inertias.
     #[serde(default)]
     pub allow_unphysical: bool,
 }
@@ -25,7 +25,7 @@ impl Servicer {
     /// The mechanism of a URDF.
     ///
     /// # Errors
-    /// All that is wrong with the text.
+    /// All errors found in the text.
     pub fn description(&self, urdf: &str) -> Result<Description, UrdfErrors> {
         let options = UrdfOptions {
             allow_unphysical: self.allow_unphysical,
@@ -38,11 +38,11 @@ impl Servicer {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Arm {
-    /// Names of the joints, in the order of the messages.
+    /// Names of the joints, in message order.
     pub joints: [String; JOINTS],
     /// Name of the link that is the end effector's frame E.
     pub end_effector: String,
-    /// Rotor inertia of each joint as seen at its output.
+    /// Rotor inertia of each joint, reflected to its output.
     pub motor_inertia: Each<Inertia, JOINTS>,
 }
 
@@ -61,16 +61,16 @@ impl Default for Arm {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Slosh {
-    /// Names of its two hinges, in the order of the messages.
+    /// Names of its two hinges, in message order.
     pub joints: [String; SLOSH],
-    /// Viscous damping of each hinge; what the URDF says unless given.
+    /// Viscous damping of each hinge; the URDF's value by default.
     pub damping: Option<Quantity<RotationalDamping>>,
-    /// Stiffness towards the hanging position, as of surface tension.
+    /// Stiffness towards the hanging position, for example from surface tension.
     pub stiffness: Quantity<RotationalStiffness>,
 }
 
 impl Default for Slosh {
-    /// Hinges `slosh_y` and `slosh_x`, damping of the URDF, no stiffness.
+    /// Hinges `slosh_y` and `slosh_x`, damping from the URDF, no stiffness.
     fn default() -> Self {
         Self {
             joints: ["slosh_y", "slosh_x"].map(str::to_owned),

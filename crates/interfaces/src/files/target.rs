@@ -21,7 +21,7 @@ pub struct Target {
 pub struct Frame {
     /// Origin, parent axes.
     pub position: Vector<Length, 3>,
-    /// Roll, pitch and yaw: turns about the fixed parent axes x, y and z in this order. Aligned unless given.
+    /// Roll, pitch and yaw: rotations about the fixed parent axes x, y and z in this order. Aligned by default.
     #[serde(default = "aligned")]
     pub attitude: Vector<Angle, 3>,
 }

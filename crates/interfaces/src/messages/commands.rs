@@ -1,10 +1,10 @@
-//! What guidance and control ask for.
+//! Messages of guidance and control: set-points, commands and telemetry.
 
 lockstep::message! {
-    /// Pose and twist that a frame of the servicer shall have: the end effector, or the base.
+    /// Desired pose and twist of a frame of the servicer: the end effector, or the base.
     #[allow(non_snake_case)]
     pub struct SetPoint {
-        /// Instant for which the rest holds.
+        /// Time of validity of the other fields.
         pub stamp: f64 = "s",
         /// Desired position.
         pub p_ND_N: [f64; 3] = "m" in "N",
@@ -18,7 +18,7 @@ lockstep::message! {
 }
 
 lockstep::message! {
-    /// Forces that the servicer's actuators shall make, before any limit of theirs.
+    /// Commanded forces and torques of the servicer's actuators, before actuator limits.
     #[allow(non_snake_case)]
     pub struct Command {
         /// Torque of the wheels on the base.
@@ -31,7 +31,7 @@ lockstep::message! {
 }
 
 lockstep::message! {
-    /// Torques on the base that thrusters shall make in couples, beside the wheels.
+    /// Commanded torques of thruster couples on the base, in addition to the wheels.
     #[allow(non_snake_case)]
     pub struct Couples {
         /// Torque on the base.
@@ -40,7 +40,7 @@ lockstep::message! {
 }
 
 lockstep::enumeration! {
-    /// What the controller is doing.
+    /// Mode of the controller.
     pub enum ControlMode {
         /// There is no set-point yet.
         Waiting = 0,
@@ -52,16 +52,16 @@ lockstep::enumeration! {
 }
 
 lockstep::message! {
-    /// What the controller saw and thought.
+    /// Internal signals of the controller.
     #[allow(non_snake_case)]
     pub struct ControlTelemetry {
-        /// Position error of the end effector, E less D.
+        /// Position error of the end effector, E minus D.
         pub p_DE_N: [f64; 3] = "m" in "N",
         /// Error quaternion of the attitude, scalar first; its sign is continuous.
         pub quat_DE: [f64; 4] = "1",
         /// The hybrid law's sign h.
         pub h: f64 = "1",
-        /// Weight of the arm against the base.
+        /// Weight of the arm relative to the base.
         pub epsilon: f64 = "1",
         /// Virtual angular velocity of the base.
         pub omega_v_B: [f64; 3] = "rad/s" in "B",
@@ -75,17 +75,17 @@ lockstep::message! {
         pub feedback_force_B: [f64; 3] = "N" in "B",
         /// Feedback part of the joint torques.
         pub feedback_tau: [f64; 7] = "N m",
-        /// Torque that nobody could be asked for.
+        /// Commanded torque that no actuator can provide.
         pub missing_torque_B: [f64; 3] = "N m" in "B",
-        /// Stabilisation: part of the wished braking that the limits allow, 0 to 1.
+        /// Stabilisation: fraction of the desired deceleration that the limits allow, 0 to 1.
         pub stabilise_factor: f64 = "1",
-        /// Stabilisation: torque that the gripper puts on the target.
+        /// Stabilisation: torque of the gripper on the target.
         pub gripper_torque_E: [f64; 3] = "N m" in "E",
-        /// Stabilisation: force that the gripper puts on the target.
+        /// Stabilisation: force of the gripper on the target.
         pub gripper_force_E: [f64; 3] = "N" in "E",
-        /// Stabilisation: time from the grasp to the first rest; negative before, zero while it is not stabilised.
+        /// Stabilisation: time from the grasp to the first instant at rest; negative before, zero while stabilisation is inactive.
         pub time_to_rest: f64 = "s",
-        /// What it is doing.
+        /// Mode of the controller.
         pub mode: ControlMode = "1",
         /// Whether the weight would have been negative and was held at zero.
         pub epsilon_clamped: bool = "1",
@@ -93,13 +93,13 @@ lockstep::message! {
         pub feedback_saturated: u8 = "1",
         /// Stabilisation: whether everything is at rest.
         pub at_rest: bool = "1",
-        /// Fills the message up.
+        /// Padding.
         pub padding: [u8; 4] = "1",
     }
 }
 
 lockstep::enumeration! {
-    /// Where guidance stands in its schedule.
+    /// Phase of the guidance schedule.
     pub enum GuidancePhase {
         /// Before the start: the set-point is the start pose, at rest.
         Waiting = 0,
@@ -113,34 +113,34 @@ lockstep::enumeration! {
 }
 
 lockstep::message! {
-    /// What guidance and navigation saw and thought.
+    /// Internal signals of guidance and navigation.
     #[allow(non_snake_case)]
     pub struct GuidanceTelemetry {
         /// Progress of the position, 0 to 1.
         pub progress_position: f64 = "1",
         /// Progress of the attitude, 0 to 1.
         pub progress_attitude: f64 = "1",
-        /// Position of the target as guidance believes it.
+        /// Estimated position of the target.
         pub p_NT_N: [f64; 3] = "m" in "N",
-        /// Attitude of the target as guidance believes it, scalar first; zeros: not seen yet.
+        /// Estimated attitude of the target, scalar first; zeros: not seen yet.
         pub quat_NT: [f64; 4] = "1",
-        /// Velocity of the target as guidance believes it.
+        /// Estimated velocity of the target.
         pub v_NT_N: [f64; 3] = "m/s" in "N",
-        /// Angular velocity of the target as guidance believes it.
+        /// Estimated angular velocity of the target.
         pub omega_NT_T: [f64; 3] = "rad/s" in "T",
-        /// Standard deviation of the position, of the length over three axes; zero without a filter.
+        /// Standard deviation of the position, root sum square over three axes; zero without a filter.
         pub sigma_position: f64 = "m",
         /// Standard deviation of the attitude; zero without a filter.
         pub sigma_attitude: f64 = "rad",
-        /// Age of what is known of the target.
+        /// Age of the information about the target.
         pub target_age: f64 = "s",
-        /// Normalised innovation squared of the last camera pose that was looked at; zero without one.
+        /// Normalised innovation squared of the last evaluated camera pose; zero without one.
         pub innovation: f64 = "1",
-        /// How many camera poses have been refused so far.
+        /// Number of camera poses rejected so far.
         pub refused: u32 = "1",
-        /// Where it stands in its schedule.
+        /// Phase of the schedule.
         pub phase: GuidancePhase = "1",
-        /// Fills the message up.
+        /// Padding.
         pub padding: [u8; 3] = "1",
     }
 }

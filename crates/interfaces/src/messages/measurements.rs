@@ -1,7 +1,7 @@
-//! What the servicer's sensors tell.
+//! Sensor messages of the servicer.
 
 lockstep::message! {
-    /// State of the servicer by its own sensors: base and arm, without the propellant.
+    /// State of the servicer measured by its own sensors: base and arm, without the propellant.
     #[allow(non_snake_case)]
     pub struct Measured {
         /// Position of the base.
@@ -23,7 +23,7 @@ lockstep::message! {
     /// Motion of the target's body frame, origin at its centre of mass.
     #[allow(non_snake_case)]
     pub struct TargetState {
-        /// Instant for which the rest holds.
+        /// Time of validity of the other fields.
         pub stamp: f64 = "s",
         /// Position of the centre of mass.
         pub p_NT_N: [f64; 3] = "m" in "N",
@@ -37,31 +37,31 @@ lockstep::message! {
 }
 
 lockstep::message! {
-    /// Pose of the target by the camera: a picture every now and then, held until the next.
+    /// Pose of the target measured by the camera: sampled periodically, and held until the next sample.
     #[allow(non_snake_case)]
     pub struct CameraPose {
-        /// Instant at which the picture was taken.
+        /// Time at which the image was taken.
         pub stamp: f64 = "s",
         /// Measured position of the target's body frame.
         pub p_NT_N: [f64; 3] = "m" in "N",
-        /// Measured attitude, scalar first; zeros: no picture yet.
+        /// Measured attitude, scalar first; zeros: no image yet.
         pub quat_NT: [f64; 4] = "1",
     }
 }
 
 lockstep::message! {
-    /// What the servicer's own units report of themselves.
+    /// Housekeeping data of the servicer's units.
     #[allow(non_snake_case)]
     pub struct Housekeeping {
         /// Angular momentum stored in the reaction wheels.
         pub wheel_momentum_B: [f64; 3] = "N m s" in "B",
-        /// Pose of the target's body frame in the end effector's, as the gripper holds it: position. Zero before.
+        /// Pose of the target's body frame in the end effector's, as held by the gripper: position. Zero before the grasp.
         pub p_ET_E: [f64; 3] = "m" in "E",
-        /// The same: attitude, scalar first. Zeros before the grasp.
+        /// The same pose: attitude, scalar first. Zeros before the grasp.
         pub quat_ET: [f64; 4] = "1",
         /// Whether the gripper has closed on the target.
         pub grasped: bool = "1",
-        /// Fills the message up.
+        /// Padding.
         pub padding: [u8; 7] = "1",
     }
 }

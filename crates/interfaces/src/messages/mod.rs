@@ -1,4 +1,4 @@
-//! The messages, one file a sender.
+//! The messages, one file per sender.
 
 mod commands;
 mod measurements;

@@ -1,7 +1,7 @@
-//! The whole truth, for the recorder and the figures. A controller never reads it.
+//! True state of the plant, for the recorder and the figures. A controller never reads it.
 
 lockstep::message! {
-    /// Everything the plant knows of itself. Applied forces are those of the step that ended at the stamp.
+    /// Complete true state of the plant. Applied forces are those of the step that ended at the stamp.
     #[allow(non_snake_case)]
     pub struct Truth {
         /// Position of the base.
@@ -10,7 +10,7 @@ lockstep::message! {
         pub quat_NB: [f64; 4] = "1",
         /// Joint angles A1 to A7.
         pub q: [f64; 7] = "rad",
-        /// Angles of the pendulum about base y and x: of its hinges, unwrapped; of a spherical one, its turn as a rotation vector.
+        /// Angles of the pendulum about base y and x: of its hinges, unwrapped; of a spherical one, its rotation vector.
         pub slosh: [f64; 2] = "rad",
         /// Direction from the pendulum's pivot to its bob.
         pub slosh_direction_B: [f64; 3] = "1" in "B",
@@ -24,15 +24,15 @@ lockstep::message! {
         pub qdot: [f64; 7] = "rad/s",
         /// Rates of the pendulum about base y and x: of its hinges; of a spherical one, components of its angular velocity.
         pub slosh_rate: [f64; 2] = "rad/s",
-        /// Torque that the wheels made on the base.
+        /// Applied torque of the wheels on the base.
         pub wheel_torque_B: [f64; 3] = "N m" in "B",
-        /// Force that the thrusters made on the base.
+        /// Applied force of the thrusters on the base.
         pub thruster_force_B: [f64; 3] = "N" in "B",
         /// Thrust of each thruster.
         pub thrust: [f64; 12] = "N",
-        /// Torque that the thrusters made on the base.
+        /// Applied torque of the thrusters on the base.
         pub thruster_torque_B: [f64; 3] = "N m" in "B",
-        /// Torques that the joint motors made.
+        /// Applied torques of the joint motors.
         pub tau: [f64; 7] = "N m",
         /// Angular momentum stored in the wheels.
         pub wheel_momentum_B: [f64; 3] = "N m s" in "B",
@@ -60,9 +60,9 @@ lockstep::message! {
         pub position_error: f64 = "m",
         /// Angle between end effector and grasp frame, 0 to pi.
         pub attitude_error: f64 = "rad",
-        /// Speed of the end effector's origin against the grasp frame's.
+        /// Speed of the end effector's origin relative to the grasp frame's.
         pub relative_speed: f64 = "m/s",
-        /// Angular speed of the end effector against the grasp frame.
+        /// Angular speed of the end effector relative to the grasp frame.
         pub relative_rate: f64 = "rad/s",
         /// Linear momentum of servicer and target.
         pub linear_momentum_N: [f64; 3] = "kg m/s" in "N",
@@ -72,19 +72,19 @@ lockstep::message! {
         pub energy: f64 = "J",
         /// Work of the actuators so far.
         pub actuator_work: f64 = "J",
-        /// Energy taken out by dampers so far.
+        /// Energy dissipated by dampers so far.
         pub damper_loss: f64 = "J",
-        /// Energy lost in impacts so far: the grasp, and joints that a brake has stopped.
+        /// Energy lost in impacts so far: at the grasp, and in joints stopped by a brake.
         pub impact_loss: f64 = "J",
-        /// Linear momentum less the thrusters' impulse since the start: zero but for rounding and integration.
+        /// Change of linear momentum less the thrusters' impulse since the start: zero but for rounding and integration error.
         pub linear_residual_N: [f64; 3] = "kg m/s" in "N",
-        /// Angular momentum less the thrusters' angular impulse since the start: zero but for rounding and integration.
+        /// Change of angular momentum less the thrusters' angular impulse since the start: zero but for rounding and integration error.
         pub angular_residual_N: [f64; 3] = "N m s" in "N",
-        /// Energy less work plus losses since the start: zero but for rounding and integration.
+        /// Change of energy less work plus losses since the start: zero but for rounding and integration error.
         pub energy_residual: f64 = "J",
         /// Whether the gripper has closed on the target.
         pub grasped: bool = "1",
-        /// Fills the message up.
+        /// Padding.
         pub padding: [u8; 7] = "1",
     }
 }

@@ -1,21 +1,21 @@
-//! What makes a description a mechanism.
+//! Validation: conditions for a description to be a mechanism.
 
 use super::merge::Merged;
 use super::{Description, DescriptionError as E, Inertia, JointKind, Link};
 use nalgebra::Matrix3;
 
-/// Published inertias are rounded to a few digits, so a flat body may miss the triangle inequality by that much.
+/// Tolerance of the triangle inequality: published inertias are rounded to a few digits, so a flat body may violate it by that much.
 const TRIANGLE_SLACK: f64 = 1.0e-6;
 const ROTATION_SLACK: f64 = 1.0e-9;
 
-/// What is no inertia at all: a milligram in a millionth of a metre has more. Exporters leave products of inertia of that size behind.
+/// Inertia below which a value counts as zero: a milligram within a micrometre has more. Exporters leave products of inertia of that size.
 const INERTIA_SLACK: f64 = 1.0e-18;
 
 impl Description {
-    /// Checks that this is one tree of physically possible bodies with unique names.
+    /// Checks that this is a single tree of physically possible bodies with unique names.
     ///
-    /// Links that are fixed to each other are one body, and only the body has to be possible: a placeholder of a microgram may say
-    /// anything about its inertia.
+    /// Links that are fixed to each other form one body, and only the body has to be physically possible: a placeholder link of a
+    /// microgram may have any inertia.
     pub fn validate(&self) -> Result<(), E> {
         match self.faults().into_iter().next() {
             Some(fault) => Err(fault),
@@ -23,7 +23,7 @@ impl Description {
         }
     }
 
-    /// All that is wrong.
+    /// All faults.
     pub(super) fn faults(&self) -> Vec<E> {
         if self.links.is_empty() {
             return vec![E::Empty];
@@ -48,7 +48,7 @@ impl Description {
         out
     }
 
-    /// What is wrong with single links and joints, whatever they are parts of.
+    /// Faults of single links and joints, independent of the tree.
     pub(super) fn faults_of_parts(&self) -> Vec<E> {
         let mut out = Vec::new();
         unique("link", self.links.iter().map(|l| &l.name), &mut out);
@@ -63,8 +63,8 @@ impl Description {
         out
     }
 
-    /// What is odd about the inertias and taken all the same; with it, whether it vanishes in the body that the link is part of. Call
-    /// only on a checked tree.
+    /// Tolerated oddities of the inertias; with each, whether the body that the link is part of is possible. Call only on a checked
+    /// tree.
     pub(super) fn oddities(&self) -> Vec<(E, bool)> {
         let odd = self.impossible();
         odd.into_iter()
@@ -72,7 +72,7 @@ impl Description {
             .collect()
     }
 
-    /// Links with an inertia that no distribution of mass has, and whether the body that each is part of is possible.
+    /// Links with physically impossible inertias, and whether the body that each is part of is possible.
     fn impossible(&self) -> Vec<(E, bool)> {
         let fault = |link: &Link| {
             link.inertia
@@ -94,7 +94,7 @@ impl Description {
                 Some(body) => &merged.bodies[body].inertia,
                 None => &merged.base,
             };
-            // a negative mass is no placeholder
+            // a negative mass is not a placeholder
             link.inertia.is_none_or(|own| own.mass >= 0.0) && check_physics(&link.name, inertia).is_ok()
         };
         let odd = self
@@ -173,7 +173,7 @@ impl Description {
                 }
             }
             if let Some(j) = parent[at] {
-                // more steps upward than there are links: we are going round
+                // more steps upward than there are links: a loop
                 return Err(E::Loop {
                     link: self.links[at].name.clone(),
                     joint: self.joints[j].name.clone(),

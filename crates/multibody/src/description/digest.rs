@@ -1,4 +1,4 @@
-//! A digest of the physics.
+//! Digest of a description's physical properties.
 
 use super::{Description, Inertia, Placement};
 
@@ -12,7 +12,7 @@ impl Digest {
         }
     }
 
-    /// The length first, so that two names in a row are not one.
+    /// Hashes the length first, so that two consecutive names are distinct from their concatenation.
     fn name(&mut self, name: &str) {
         self.bytes(&(name.len() as u64).to_le_bytes());
         self.bytes(name.as_bytes());
@@ -20,7 +20,7 @@ impl Digest {
 
     fn numbers<'a>(&mut self, numbers: impl IntoIterator<Item = &'a f64>) {
         for number in numbers {
-            // Adding zero makes one zero of the two.
+            // Adding zero turns −0 into +0.
             self.bytes(&(number + 0.0).to_bits().to_le_bytes());
         }
     }
@@ -39,8 +39,8 @@ impl Digest {
 }
 
 impl Description {
-    /// A number that changes with every mass, inertia, joint, frame and limit, with the names of links and joints and with their
-    /// order, and with nothing else: not with what the mechanism looks like, comments, spelling of numbers, or its own name.
+    /// A hash that depends on every mass, inertia, joint, frame and limit, and on the names and the order of links and joints, and on
+    /// nothing else: not on visual geometry, comments, the spelling of numbers, or the mechanism's name.
     pub fn digest(&self) -> u64 {
         let mut digest = Digest(0xcbf2_9ce4_8422_2325);
         for link in &self.links {

@@ -1,35 +1,35 @@
-//! Changing a description by name: frozen joints, motor inertia, mismatch.
+//! Edits of a description by name: frozen joints, motor inertia, mismatch.
 
 use super::{Description, Joint, JointKind, Placement};
 use crate::rotation::axis_angle;
 
-/// Why an edit was refused.
+/// Errors of an edit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EditError {
     /// No joint of that name.
     #[error("there is no joint `{name}`; the moving joints are: {known}")]
     NoSuchJoint {
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// The names there are.
+        /// The existing names.
         known: String,
     },
     /// No link of that name.
     #[error("there is no link `{name}`; the links are: {known}")]
     NoSuchLink {
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// The names there are.
+        /// The existing names.
         known: String,
     },
-    /// A value that makes no sense for what is set.
+    /// An invalid value for the quantity.
     #[error("{what} of `{name}` cannot be {value}; {remedy}")]
     Value {
-        /// What was to be set.
+        /// The quantity to set.
         what: &'static str,
-        /// On which link or joint.
+        /// Name of the link or joint.
         name: String,
-        /// To which value.
+        /// The rejected value.
         value: f64,
         /// What is allowed.
         remedy: &'static str,
@@ -37,9 +37,9 @@ pub enum EditError {
 }
 
 impl Description {
-    /// Welds the moving joint `name` at position `at` (rad or m), and those that follow it where they then are. Whatever it carried
-    /// becomes part of its parent; freezing the slosh joints at zero gives the controller's model with the propellant as a lump on the
-    /// base.
+    /// Welds the moving joint `name` at position `at` (rad or m), and the joints that follow it at their resulting positions. The bodies
+    /// that it carries become part of its parent; freezing the slosh joints at zero gives the controller's model with the propellant as a
+    /// rigid mass on the base.
     pub fn freeze(&mut self, name: &str, at: f64) -> Result<&mut Self, EditError> {
         let j = self.moving_joint_mut(name)?;
         if !at.is_finite() {
@@ -118,8 +118,8 @@ impl Description {
         Ok(self)
     }
 
-    /// Removes link `name`, the joint that carries it and everything below it; for trading the two-hinge pendulum
-    /// for [`SphericalSlosh`](crate::SphericalSlosh).
+    /// Removes link `name`, the joint that carries it and everything below it; used to replace the two-hinge pendulum
+    /// by [`SphericalSlosh`](crate::SphericalSlosh).
     pub fn remove_branch(&mut self, name: &str) -> Result<&mut Self, EditError> {
         self.link_mut(name)?;
         let index = |links: &[super::Link], name: &str| links.iter().position(|l| l.name == name);

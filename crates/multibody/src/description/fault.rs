@@ -1,4 +1,4 @@
-//! Why a description is not a mechanism.
+//! Errors of a description that is not a mechanism.
 
 /// Why a description is not a mechanism. Every variant names the link or joint at fault.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -52,7 +52,7 @@ pub enum DescriptionError {
         /// The axis as given.
         z: f64,
     },
-    /// A rotation is not one.
+    /// A rotation matrix is not orthonormal.
     #[error(
         "joint `{joint}`: the origin's rotation is not orthonormal (off by {off:e}); pass a proper rotation matrix"
     )]
@@ -67,21 +67,21 @@ pub enum DescriptionError {
     NotFinite {
         /// `link` or `joint`.
         what: &'static str,
-        /// Which.
+        /// Its name.
         name: String,
-        /// Which number.
+        /// Name of the number.
         field: &'static str,
         /// Its value.
         value: f64,
     },
-    /// A number that cannot be negative is.
+    /// A number is negative but must not be.
     #[error("{what} `{name}`: {field} is {value}; it cannot be negative")]
     Negative {
         /// `link` or `joint`.
         what: &'static str,
-        /// Which.
+        /// Its name.
         name: String,
-        /// Which number.
+        /// Name of the number.
         field: &'static str,
         /// Its value.
         value: f64,
@@ -120,20 +120,20 @@ pub enum DescriptionError {
         /// The joint that moves it, or `floating base`.
         joint: String,
     },
-    /// A joint that follows another cannot.
+    /// A joint cannot follow the joint it mimics.
     #[error("joint `{joint}` mimics `{leader}`, {reason}")]
     Mimic {
         /// The joint.
         joint: String,
         /// The joint it names.
         leader: String,
-        /// Why not, and the remedy.
+        /// The reason, and the remedy.
         reason: &'static str,
     },
 }
 
 impl DescriptionError {
-    /// What it is about: `link` or `joint`, and its name; `None` for the whole.
+    /// Subject of the error: `link` or `joint`, and its name; `None` for the whole mechanism.
     pub fn subject(&self) -> Option<(&'static str, &str)> {
         Some(match self {
             Self::Empty => return None,

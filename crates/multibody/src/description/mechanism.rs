@@ -1,4 +1,4 @@
-//! Links, joints and the mechanism that they make.
+//! Links, joints and the mechanism that they form.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -64,20 +64,20 @@ pub struct Link {
     pub inertia: Option<Inertia>,
 }
 
-/// How a joint moves its child.
+/// Motion of the child relative to the parent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
-    /// Not at all.
+    /// No motion.
     Fixed,
-    /// By turning about its axis within limits (rad). The algorithms do not enforce limits.
+    /// Rotation about its axis within limits (rad). The algorithms do not enforce limits.
     Revolute,
-    /// By turning about its axis (rad).
+    /// Rotation about its axis (rad).
     Continuous,
-    /// By sliding along its axis (m).
+    /// Translation along its axis (m).
     Prismatic,
 }
 
-/// Range, speed and effort a joint is rated for. Carried for those who ask; no algorithm here enforces it.
+/// Rated range, speed and effort of a joint. Stored for the caller; no algorithm here enforces them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Smallest position (rad or m).
@@ -93,7 +93,7 @@ pub struct Limits {
 /// How a joint follows another: its position is `multiplier · q + offset` of the other's position q.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mimic {
-    /// Name of the joint it follows; that one may follow a third.
+    /// Name of the joint it follows, which may itself follow a third.
     pub joint: String,
     /// Ratio of the rates (rad or m for each rad or m of the other joint).
     pub multiplier: f64,
@@ -106,7 +106,7 @@ pub struct Mimic {
 pub struct Joint {
     /// Name, unique among joints.
     pub name: String,
-    /// How it moves.
+    /// Joint type.
     pub kind: JointKind,
     /// Index of the parent in [`Description::links`].
     pub parent: usize,
@@ -120,7 +120,7 @@ pub struct Joint {
     pub limits: Option<Limits>,
     /// Viscous damping (N m s/rad or N s/m); the damper's force is `−damping · rate`.
     pub damping: f64,
-    /// Coulomb friction (N m or N). Carried, not simulated: the equations of motion here are smooth.
+    /// Coulomb friction (N m or N). Stored, not simulated: the equations of motion here are smooth.
     pub friction: f64,
     /// Stiffness of a spring towards `rest` (N m/rad or N/m).
     pub stiffness: f64,
@@ -128,7 +128,7 @@ pub struct Joint {
     pub rest: f64,
     /// Reflected rotor inertia (kg m² or kg), added to the joint's diagonal element of the mass matrix.
     pub motor_inertia: f64,
-    /// The joint that this one follows, if it has no coordinate of its own.
+    /// The joint that this one follows, if it has no independent coordinate.
     pub mimic: Option<Mimic>,
 }
 
@@ -141,19 +141,19 @@ pub struct Description {
     pub links: Vec<Link>,
     /// The joints, in the order of the file. The moving ones that follow no other are, in this order, the joint coordinates.
     pub joints: Vec<Joint>,
-    /// Takes bodies that no distribution of mass has: a negative mass or moment, or principal moments beyond the triangle inequality.
+    /// Accepts physically impossible bodies: a negative mass or moment, or principal moments that violate the triangle inequality.
     pub allow_unphysical: bool,
 }
 
 impl Joint {
-    /// Whether it moves and follows no other joint.
+    /// Whether the joint moves and follows no other joint.
     pub fn has_coordinate(&self) -> bool {
         self.kind != JointKind::Fixed && self.mimic.is_none()
     }
 }
 
 impl Description {
-    /// One rigid body with no joints: what a torque-free target is.
+    /// One rigid body without joints, such as a torque-free target.
     pub fn rigid_body(name: &str, inertia: Inertia) -> Result<Self, DescriptionError> {
         let link = Link {
             name: name.to_owned(),
@@ -169,7 +169,7 @@ impl Description {
         Ok(it)
     }
 
-    /// The moving joints with a coordinate of their own, in coordinate order: not those that follow another.
+    /// The moving joints with an independent coordinate, in coordinate order: not those that follow another.
     pub fn moving_joints(&self) -> impl Iterator<Item = &Joint> {
         self.joints.iter().filter(|j| j.has_coordinate())
     }

@@ -1,10 +1,10 @@
-//! From links and joints to bodies: fixed joints merged, every moving axis turned to +z, parents before children.
+//! Conversion of links and joints to bodies: fixed joints merged, every moving axis rotated to +z, parents before children.
 
 use super::mimic::Tie;
 use super::{Description, DescriptionError, Inertia, JointKind, Placement};
 use nalgebra::{Matrix3, Vector3};
 
-/// One moving body in the form the kernels want. Its frame ("L") has its origin on the joint axis and +z along it; it
+/// One moving body in the form that the kernels use. Its frame ("L") has its origin on the joint axis and +z along it; it
 /// differs from the URDF link frame by the constant rotation kept in [`Merged::frames`].
 #[derive(Clone, Debug)]
 pub(crate) struct Body {
@@ -39,7 +39,7 @@ pub(crate) struct Merged {
     pub base: Inertia,
     pub bodies: Vec<Body>,
     pub frames: Vec<Frame>,
-    /// Where the joints' positions come from, by [`Body::coordinate`]; `None` when each has a coordinate of its own.
+    /// Source of each joint's position, by [`Body::coordinate`]; `None` when each has its own coordinate.
     pub ties: Option<Vec<Tie>>,
 }
 
@@ -51,7 +51,7 @@ impl Merged {
         Ok(out)
     }
 
-    /// The bodies of one tree of links, without a look at what they weigh.
+    /// The bodies of one tree of links, without a check of their masses.
     pub(super) fn of(d: &Description) -> Self {
         let root = d.root();
         let mut out = Self {
@@ -61,14 +61,14 @@ impl Merged {
             frames: Vec::new(),
             ties: None,
         };
-        // Where each link is: on which body, and its pose in that body's L frame.
+        // For each link: its body, and its pose in that body's L frame.
         let mut place: Vec<Option<(Option<usize>, Placement)>> = vec![None; d.links.len()];
         place[root] = Some((None, Placement::identity()));
         out.take_link(d, root, None, Placement::identity());
         let coordinate = |joint: usize| d.joints[..joint].iter().filter(|j| j.kind != JointKind::Fixed).count();
         let mut waiting: Vec<usize> = (0..d.joints.len()).collect();
-        // The file may name a child's joint before its parent's: take, again and again, the first joint whose parent
-        // is placed. A file in order keeps its order.
+        // The file may list a child's joint before its parent's: repeatedly take the first joint with a placed parent. A file in
+        // order keeps its order.
         while let Some(at) = waiting.iter().position(|&j| place[d.joints[j].parent].is_some()) {
             let index = waiting.remove(at);
             let j = &d.joints[index];
@@ -128,7 +128,7 @@ impl Merged {
     }
 }
 
-/// The same body seen from a frame in which its own frame is posed at `placement`.
+/// The same body expressed in a frame in which its own frame has the pose `placement`.
 pub(crate) fn moved(i: &Inertia, placement: &Placement) -> Inertia {
     let about_com = placement.r * i.about_com * placement.r.transpose();
     Inertia {
@@ -159,8 +159,8 @@ pub(crate) fn steiner(mass: f64, d: &Vector3<f64>) -> Matrix3<f64> {
     (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * mass
 }
 
-/// A rotation whose third column is the unit vector `z`. Axes along a coordinate axis give signed permutations, with
-/// no rounding at all.
+/// A rotation with the unit vector `z` as its third column. Axes along a coordinate axis give signed permutations,
+/// without rounding.
 fn frame_with_z_along(z: &Vector3<f64>) -> Matrix3<f64> {
     // start from the coordinate axis least aligned with z, so that the cross product is well conditioned
     let a = z.abs();
@@ -172,7 +172,7 @@ fn frame_with_z_along(z: &Vector3<f64>) -> Matrix3<f64> {
         Vector3::z()
     };
     let x = (helper - z * z.dot(&helper)).normalize();
-    // once more: the first pass leaves an error of one rounding relative to the helper, not to the result
+    // a second pass: the first leaves a rounding error relative to the helper vector, not to the result
     let x = (x - z * z.dot(&x)).normalize();
     let y = z.cross(&x);
     Matrix3::from_columns(&[x, y, *z])

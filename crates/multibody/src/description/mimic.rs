@@ -2,10 +2,10 @@
 
 use super::{Description, DescriptionError as E, Joint, JointKind};
 
-/// Where a moving joint gets its position from: `multiplier · q + offset` of the joint coordinate with that index.
+/// Source of a moving joint's position: `multiplier · q + offset` of the joint coordinate with that index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Tie {
-    /// Whether the coordinate is the joint's own.
+    /// Whether the coordinate belongs to the joint itself.
     pub own: bool,
     pub coordinate: usize,
     pub multiplier: f64,
@@ -13,7 +13,7 @@ pub(crate) struct Tie {
 }
 
 impl Description {
-    /// For every moving joint, in the order of the file, where its position comes from; `None` when all have a coordinate of their own.
+    /// For every moving joint, in the order of the file, the source of its position; `None` when all have their own coordinates.
     pub(super) fn ties(&self) -> Result<Option<Vec<Tie>>, E> {
         if self
             .joints
@@ -26,7 +26,7 @@ impl Description {
         moving.map(|joint| self.tie(joint)).collect::<Result<_, _>>().map(Some)
     }
 
-    /// Follows a joint to the one with a coordinate.
+    /// Resolves the chain from a joint to the one with a coordinate.
     pub(super) fn tie(&self, joint: usize) -> Result<Tie, E> {
         let own = &self.joints[joint];
         let (mut at, mut multiplier, mut offset) = (joint, 1.0, 0.0);
@@ -65,7 +65,7 @@ impl Description {
         })
     }
 
-    /// Names and frozen positions of the joints that follow `joint` directly, when that is frozen `at` a position.
+    /// Names and frozen positions of the joints that follow `joint` directly, when `joint` is frozen at position `at`.
     pub(super) fn followers(&self, joint: &str, at: f64) -> Vec<(String, f64)> {
         let follows = |j: &Joint| {
             let mimic = j

@@ -1,9 +1,9 @@
-//! A mechanism as its author describes it: named links and joints, every number still editable.
+//! Editable description of a mechanism: named links and joints.
 //!
 //! A [`Description`] is read from URDF text ([`Description::from_urdf`]), edited by name (freeze a joint, add motor
-//! inertia, scale a mass) and then turned into a [`Tree`](crate::Tree) of static size, which can no longer be edited
-//! and on which the algorithms run. Fixed joints stay in the description; they disappear, link by link, when the tree
-//! is built, and every link keeps its name as a frame.
+//! inertia, scale a mass) and then converted to a [`Tree`](crate::Tree) of static size, which can no longer be edited
+//! and on which the algorithms run. Fixed joints stay in the description; they are merged when the tree is built, and
+//! every link keeps its name as a frame.
 
 mod check;
 mod digest;

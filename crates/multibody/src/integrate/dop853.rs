@@ -59,8 +59,8 @@ pub(super) fn step<F: Flow>(flow: &F, s: &F::State, force: &F::Force, h: f64) ->
 mod tests {
     use super::*;
 
-    /// A digit lost in copying the table would break one of these; the orders seen on real motion are in the
-    /// integration tests.
+    /// A wrong digit in the copied table would violate one of these conditions; the orders observed on real motion are in
+    /// the integration tests.
     #[test]
     fn the_table_satisfies_the_quadrature_conditions() {
         let node = |i: usize| if i == 0 { 0.0 } else { A[i - 1].iter().sum::<f64>() };

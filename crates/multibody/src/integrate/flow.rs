@@ -1,4 +1,4 @@
-//! What a method integrates.
+//! Differential equations that a method integrates.
 
 /// A first-order differential equation in coordinates, with a held input.
 pub trait Flow {
@@ -15,7 +15,7 @@ pub trait Flow {
     /// `state + Σ kᵢ rateᵢ`, coordinate by coordinate.
     fn moved(&self, state: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State;
 
-    /// Back onto the constraints the coordinates carry (unit quaternions, unit vectors), after a step.
+    /// Projection back onto the constraints of the coordinates (unit quaternions, unit vectors) after a step.
     fn restored(&self, state: Self::State) -> Self::State {
         state
     }

@@ -1,13 +1,13 @@
 //! Integrators, by name.
 //!
-//! A step takes the *value* of the generalised force and holds it: the plant's inputs are held over a step, and a
-//! controller sampled inside the stages would reduce every method to first order.
+//! A step takes the *value* of the generalised force and holds it (zero-order hold): the plant's inputs are held over a
+//! step, and a controller sampled inside the stages would reduce every method to first order.
 //!
 //! | name | method | order |
 //! |---|---|---|
 //! | `rk4` | classical Runge-Kutta on (p, quaternion, q, ν), quaternion renormalised after the step; the baseline | 4 |
 //! | `rkmk4` | Runge-Kutta-Munthe-Kaas on SE(3) × joints: the pose moves by exponentials and stays on the group | 4 |
-//! | `dop853` | Dormand and Prince, 12 stages, fixed step; the truth in convergence tests | 8 |
+//! | `dop853` | Dormand and Prince, 12 stages, fixed step; the reference in convergence tests | 8 |
 
 mod dop853;
 mod flow;
@@ -147,7 +147,7 @@ impl<const N: usize, const V: usize> Flow for Tree<N, V> {
 }
 
 impl<const N: usize, const V: usize> Tree<N, V> {
-    /// One step of `h` seconds (negative goes back) with the generalised force `tau` held.
+    /// One step of `h` seconds (negative: backwards in time) with the generalised force `tau` held.
     pub fn step(&self, method: Method, state: &State<N, V>, tau: &SVector<f64, V>, h: f64) -> State<N, V> {
         match method {
             Method::Rk4 => rk4::step(self, state, tau, h),

@@ -2,7 +2,7 @@
 //! Math. 29, 1999; Iserles et al., *Lie-group methods*, Acta Numerica 2000, §4).
 //!
 //! The pose is `g = g₀ exp(σ)` with σ = [turn; shift] in base axes, and ġ = g ξ with the body twist ξ = [ω; v] gives
-//! `σ̇ = ξ + ½ [σ, ξ] + 1/12 [σ, [σ, ξ]] + O(σ⁴)`: what is left out is of fifth order in a step.
+//! `σ̇ = ξ + ½ [σ, ξ] + 1/12 [σ, [σ, ξ]] + O(σ⁴)`: the neglected terms are of fifth order in a step.
 
 use crate::rotation::Quaternion;
 use crate::state::State;
@@ -41,7 +41,7 @@ fn retract<const N: usize, const V: usize>(s: &State<N, V>, sigma: Twist) -> (Ve
     // the shift of exp is V σ_lin, V = 1 + b [φ] + c [φ]², b = (1 − cos φ)/φ², c = (φ − sin φ)/φ³
     let phi2 = sigma.ang.norm_squared();
     let (b, c) = if phi2 < 1.0e-2 {
-        // series: the closed forms cancel; the terms left out are below 2e-18
+        // series: the closed forms suffer cancellation; the neglected terms are below 2e-18
         let b = 0.5 + phi2 * (-1.0 / 24.0 + phi2 * (1.0 / 720.0 + phi2 * (-1.0 / 40_320.0 + phi2 / 3_628_800.0)));
         let c = 1.0 / 6.0
             + phi2 * (-1.0 / 120.0 + phi2 * (1.0 / 5_040.0 + phi2 * (-1.0 / 362_880.0 + phi2 / 39_916_800.0)));

@@ -18,7 +18,7 @@ pub(crate) struct Articulated<T> {
 }
 
 impl<T: Real> Articulated<T> {
-    /// Nothing.
+    /// Zero.
     #[inline(always)]
     pub(crate) fn zero() -> Self {
         let (o, v) = (T::of(0.0), V3::zero());
@@ -31,7 +31,7 @@ impl<T: Real> Articulated<T> {
         }
     }
 
-    /// A rigid body alone; its bias is the wrench that its velocity-product acceleration asks for.
+    /// A rigid body alone; its bias is the wrench due to its velocity-product acceleration.
     #[inline(always)]
     fn rigid<K: Constant<T>>(rigid: &Rigid<K>, at: &Outward<T>) -> Self {
         let (h, j) = (at.r.mul(V3::of(rigid.h)), Sym3::of(rigid.j).rotated(&at.r));
@@ -45,7 +45,7 @@ impl<T: Real> Articulated<T> {
         }
     }
 
-    /// The base alone, turning at `omega`: its axes are those that everything is given in, and nothing accelerates it yet.
+    /// The base alone, with angular velocity `omega`: all quantities are in its axes, and its velocity-product acceleration is zero.
     #[inline(always)]
     fn base<K: Constant<T>>(rigid: &Rigid<K>, omega: V3<T>) -> Self {
         let (h, j) = (V3::of(rigid.h), Sym3::of(rigid.j));
@@ -91,7 +91,7 @@ impl<T: Real> Articulated<T> {
     }
 }
 
-/// A body on the way out: pose and velocity products.
+/// Outward pass of a body: pose and velocity products.
 #[derive(Clone, Copy)]
 struct Outward<T> {
     r: Mat3<T>,
@@ -103,7 +103,7 @@ struct Outward<T> {
 }
 
 impl<T: Real> Outward<T> {
-    /// The base, turning at `omega`.
+    /// The base, with angular velocity `omega`.
     #[inline(always)]
     fn base(omega: V3<T>) -> Self {
         let zero = V3::zero();
@@ -116,7 +116,7 @@ impl<T: Real> Outward<T> {
         }
     }
 
-    /// A body on `self` with its joint at `q`, of which `(s, c)` are sine and cosine, moving at `rate`.
+    /// A child body of `self` with its joint at `q`, with sine and cosine `(s, c)`, moving at `rate`.
     #[inline(always)]
     fn child<K: Constant<T>>(&self, link: &Link<K>, q: T, (s, c): (T, T), rate: T) -> Self {
         let r = rotate(link, &self.r, s, c);
@@ -144,7 +144,7 @@ impl<T: Real> Outward<T> {
     }
 }
 
-/// A joint on the way in: what it takes to find its acceleration on the way back out.
+/// Inward pass of a joint: the quantities needed for its acceleration in the final outward pass.
 #[derive(Clone, Copy)]
 struct Inward<T> {
     u_n: V3<T>,
@@ -154,7 +154,7 @@ struct Inward<T> {
 }
 
 impl<T: Real> Inward<T> {
-    /// A joint about or along `z` that `drive` acts on and that carries `own`.
+    /// A joint about or along `z` with generalised force `drive` that carries the articulated inertia `own`.
     #[inline(always)]
     fn of<K: Constant<T>>(link: &Link<K>, z: V3<T>, own: &Articulated<T>, drive: T) -> Self {
         let (u_n, u_f, pivot, resist) = if link.prismatic {
@@ -172,7 +172,7 @@ impl<T: Real> Inward<T> {
         }
     }
 
-    /// What is left of `own` for the parent once the joint has yielded.
+    /// The part of `own` that the joint transmits to the parent.
     #[inline(always)]
     fn reduced(&self, own: &Articulated<T>) -> Articulated<T> {
         let Self { u_n, u_f, u, inv } = *self;
@@ -187,7 +187,8 @@ impl<T: Real> Inward<T> {
         }
     }
 
-    /// The joint's acceleration where its parent's frame turns at `alpha` and the body's origin would move at `acc`.
+    /// The joint's acceleration, given the angular acceleration `alpha` of the parent's frame and the acceleration `acc` that the body's
+    /// origin would have.
     #[inline(always)]
     fn acceleration(&self, alpha: V3<T>, acc: V3<T>) -> T {
         (self.u - self.u_n.dot_add(alpha, self.u_f.dot(acc))) * self.inv
@@ -196,7 +197,7 @@ impl<T: Real> Inward<T> {
 
 /// Acceleration (`out`, as the generalised velocity's rate) of a tree at `q` moving at `nu` under the generalised
 /// force `tau`, joint dampers and springs included, in a uniform field `gravity` (base axes). `load` is added to the
-/// base's articulated inertia: what an attached mechanism that is not part of the tree contributes, about the base origin.
+/// base's articulated inertia: the contribution of an attached mechanism that is not part of the tree, about the base origin.
 #[inline(always)]
 pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
     model: Model<K>,
@@ -210,7 +211,7 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
     let offset = model.offset();
     let n = model.bodies.len();
     let (omega_base, v_base) = model.base_part(nu);
-    // Measured: doubles like a body's pose and inertia in one go, lanes (four times the register space) one after the other.
+    // Measured: for doubles one pass over a body's pose and inertia is faster, for lanes (four times the registers) separate passes.
     let wide = const { size_of::<T>() > size_of::<f64>() };
     let trig = sines::<Z, T>(model.bodies.len(), q);
     let mut outward = Z::List::<Outward<T>>::with_capacity(n + 1);
@@ -233,7 +234,7 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
             inertias.push(Articulated::rigid(&link.rigid, own));
         }
     }
-    // filled from the tip: element n − 1 − i belongs to body i
+    // filled from the leaves: element n − 1 − i belongs to body i
     let mut inward = Z::List::<Inward<T>>::with_capacity(n);
     for i in (0..n).rev() {
         let link = &model.bodies[i];
@@ -254,7 +255,7 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
     };
     if model.floating {
         alpha.write(out, 0);
-        // classical acceleration relative to free fall, back to the rate of the body-axes velocity
+        // classical acceleration relative to free fall, converted to the rate of the body-axes velocity
         (acc + gravity - omega_base.cross(v_base)).write(out, 3);
     }
     let mut rates = Z::List::<(V3<T>, V3<T>)>::with_capacity(n + 1);
@@ -273,7 +274,7 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
     }
 }
 
-/// The joint's drive with damper and spring.
+/// The joint's generalised force with damper and spring.
 #[inline(always)]
 fn drive<T: Real, K: Constant<T>>(link: &Link<K>, q: T, rate: T, tau: T) -> T {
     let damped = (-link.damping.lift()).mul_add(rate, tau);

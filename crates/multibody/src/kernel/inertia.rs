@@ -1,4 +1,4 @@
-//! Mass matrix and Coriolis matrix by composite bodies.
+//! Mass matrix and Coriolis matrix by composite rigid bodies.
 //!
 //! The mass matrix is the composite-rigid-body algorithm (Featherstone 2008, §6.2). The Coriolis matrix is the
 //! factorisation of Echeandia and Wensing (*Numerical Methods to Compute the Coriolis Matrix and Christoffel Symbols for
@@ -49,7 +49,7 @@ impl<T: Real> Composite<T> {
         }
     }
 
-    /// Adds `o`, whose origin is at `d` from this one's and moves at `d_rate` relative to it.
+    /// Adds `o`; its origin is at `d` from this one's and moves at `d_rate` relative to it.
     #[inline(always)]
     fn add_shifted<const RATES: bool>(&mut self, o: &Self, d: V3<T>, d_rate: V3<T>) {
         let h = d.mul_add(o.mass, o.h);
@@ -63,7 +63,7 @@ impl<T: Real> Composite<T> {
         self.mass = self.mass + o.mass;
     }
 
-    /// `(tr(D) 1 − D) v`: the torque of a turning reference velocity on turning bodies.
+    /// `(tr(D) 1 − D) v`: the torque of a rotating reference velocity on rotating bodies.
     #[inline(always)]
     fn b_times(&self, v: V3<T>) -> V3<T> {
         self.d.mul_add(-v, v * self.d.trace())
@@ -74,7 +74,7 @@ impl<T: Real> Composite<T> {
         self.d.tmul_add(-v, v * self.d.trace())
     }
 
-    /// What a joint about `z`, an axis that turns by `zr`, asks of the composite.
+    /// Wrenches that the composite requires for a joint about `z`, with axis rate `zr`.
     #[inline(always)]
     fn asked(&self, prismatic: bool, z: V3<T>, zr: V3<T>) -> Asked<T> {
         if prismatic {
@@ -97,8 +97,8 @@ impl<T: Real> Composite<T> {
     }
 }
 
-/// The wrench that unit acceleration of a joint asks of what is behind it, (n, f); what unit reference velocity asks, (cn, cf), by the
-/// axis' own rate and by the bodies' motion; and the transposed action, g.
+/// Wrench on the composite for unit acceleration of a joint, (n, f); for unit reference velocity, (cn, cf), due to the axis' rate and to
+/// the bodies' motion; and the transposed action, g.
 struct Asked<T> {
     n: V3<T>,
     f: V3<T>,
@@ -121,7 +121,7 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     let offset = model.offset();
     let n = model.bodies.len();
     let dim = offset + n;
-    // without RATES there are none to read, and nothing below uses them
+    // without RATES there are no rates, and they are not used below
     let none = Rates::base(V3::zero());
     let rate_of = |at: usize| if RATES { rates[at] } else { none };
     let mut composites = Z::List::<Composite<T>>::with_capacity(n + 1);
@@ -190,7 +190,7 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     }
 }
 
-/// The six elements of a joint's column above the joints, and of its row in front of them: about the axes, then along them.
+/// The six base elements of a joint's column and of its row: rotations, then translations.
 #[inline(always)]
 fn write_both<T: Real>(m: &mut [T], dim: usize, row: usize, above: (V3<T>, V3<T>), (ang, lin): (V3<T>, V3<T>)) {
     above.0.write(m, row * dim);
@@ -203,7 +203,7 @@ fn write_both<T: Real>(m: &mut [T], dim: usize, row: usize, above: (V3<T>, V3<T>
     m[5 * dim + row] = lin.z;
 }
 
-/// The 6×6 block of the base, column by column: unit reference velocity along each base axis, whose inertial rate is
+/// The 6×6 block of the base, column by column: unit reference velocity along each base axis, with an inertial rate of
 /// ω × that axis.
 #[inline(always)]
 fn base_blocks<T: Real, const RATES: bool>(

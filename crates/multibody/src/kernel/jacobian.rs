@@ -4,7 +4,7 @@ use super::place::{Placed, Rates};
 use super::{BASE, Model};
 use crate::num::{Constant, Mat3, Real, V3};
 
-/// A frame E fixed to the body at a place in the lists (the base is at [`BASE`]) at a pose in the body's frame.
+/// A frame E fixed to a body, given by the body's index in the lists (the base is at [`BASE`]) and the pose in its frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameConsts<K = f64> {
     pub body: usize,
@@ -41,7 +41,7 @@ pub(crate) fn jacobian<T: Real, K: Constant<T>, const RATE: bool>(
     let dim = offset + model.bodies.len();
     out[..6 * dim].fill(T::of(0.0));
     let (r, p) = frame_at(frame, placed, rates);
-    // without RATE nothing below uses these
+    // not used below without RATE
     let base = Rates::base(omega_base);
     let (omega, p_rate) = if RATE {
         let on = &rates[frame.body];

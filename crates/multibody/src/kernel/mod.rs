@@ -1,19 +1,18 @@
-//! The recursions, written once over the scalar (`f64`, lanes, dual numbers) and over the kind of scratch space
-//! (stack or heap).
+//! The recursions, generic over the scalar (`f64`, lanes, dual numbers) and over the kind of scratch space (stack or heap).
 //!
 //! # How they differ from the textbook
 //!
 //! All vectors are in **base axes**, every body's wrench and acceleration is taken about that body's own joint origin,
 //! and accelerations are the *classical* accelerations of material points, not spatial ones. Two things follow.
 //!
-//! * No 6×6 rotation of an articulated inertia is needed on the way to the base, only a translation of its 21 numbers;
-//!   what is rotated is each body's constant rigid inertia, once.
+//! * No 6×6 rotation of an articulated inertia is needed in the inward pass, only a translation of its 21 numbers;
+//!   only each body's constant rigid inertia is rotated, once.
 //! * By Galilean invariance no linear velocity appears anywhere: a body's bias depends on ω alone,
 //!   `n = J α + h×a − ω×(Σ ω)`, `f = m a + α×h + ω×(ω×h)`, with h = m c, J the inertia and Σ = ½ tr(J) 1 − J the
-//!   second moment of mass, both about the joint origin. A base that flies at 7.5 km/s, 7,000 km from the origin of the
+//!   second moment of mass, both about the joint origin. A base that moves at 7.5 km/s, 7,000 km from the origin of the
 //!   world, loses no digit: neither number enters.
 //!
-//! The base row turns the classical acceleration back into the rate of the body-axes velocity, `v̇ = a − ω×v`.
+//! The base row converts the classical acceleration to the rate of the body-axes velocity, `v̇ = a − ω×v`.
 
 pub(crate) mod aba;
 pub(crate) mod inertia;
@@ -63,7 +62,7 @@ impl Rigid {
 /// The constants of a moving body. Its frame has the joint axis as +z through its origin.
 #[derive(Clone, Debug)]
 pub(crate) struct Link<K = f64> {
-    /// Place of the parent in lists that start with the base, so [`BASE`] or the parent's index + 1.
+    /// Index of the parent in lists that start with the base: [`BASE`] or the parent's index + 1.
     pub parent: usize,
     /// Index of the joint coordinate.
     pub coordinate: usize,
@@ -79,10 +78,10 @@ pub(crate) struct Link<K = f64> {
     pub rest: K,
 }
 
-/// The base's place in every list of bodies; body i is at i + 1.
+/// The base's index in every list of bodies; body i is at i + 1.
 pub(crate) const BASE: usize = 0;
 
-/// What a recursion reads. With static sizes `bodies` has a length known to the compiler and `floating` is a constant,
+/// Input of a recursion. With static sizes `bodies` has a length known to the compiler and `floating` is a constant,
 /// once the recursion is inlined into its caller.
 pub(crate) struct Model<'a, K = f64> {
     pub base: &'a Rigid<K>,

@@ -18,8 +18,8 @@ pub(crate) struct Sums<T> {
     pub energy: T,
 }
 
-/// The sums at `placed`, joint rates from `nu`. The velocity of the base origin is kept out, so that nothing cancels
-/// when it is large.
+/// The sums at `placed`, joint rates from `nu`. The velocity of the base origin is excluded, to avoid cancellation when
+/// it is large.
 #[inline(always)]
 pub(crate) fn sums<T: Real, K: Constant<T>>(
     model: Model<K>,

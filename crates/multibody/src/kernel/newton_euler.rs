@@ -8,7 +8,7 @@
 //! `n = J α_r + h×a_r − ω×(Σ ω_r)`, `f = m a_r + α_r×h + ω_r×(ω×h)`.
 //!
 //! With ν_r = ν this is the recursive Newton-Euler algorithm. No gravity, dampers or springs: those are added by the
-//! caller. Unlike the other recursions this one works in each body's own axes: nothing but vectors travels, the inertias
+//! caller. Unlike the other recursions this one works in each body's own axes: only vectors are transformed, the inertias
 //! stay constant, and a joint axis is e_z.
 
 use super::place::sines;
@@ -104,7 +104,7 @@ impl<T: Real> Moving<T> {
         }
     }
 
-    /// What hangs on this body by a prismatic joint.
+    /// Child of this body on a prismatic joint.
     #[inline(always)]
     fn slid<const SAME: bool>(&self, link: &Link, turn: &Turn<T>, joint: Joint<T>) -> Self {
         let z = turn.e.c[2];
@@ -125,7 +125,7 @@ impl<T: Real> Moving<T> {
         }
     }
 
-    /// What hangs on this body by a revolute joint.
+    /// Child of this body on a revolute joint.
     #[inline(always)]
     fn turned<const SAME: bool>(&self, link: &Link, turn: &Turn<T>, joint: Joint<T>) -> Self {
         let d = V3::of(link.p);
@@ -216,7 +216,7 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
     }
 }
 
-/// The body's own share.
+/// The body's own contribution.
 #[inline(always)]
 fn own_wrench<T: Real, const SAME: bool>(rigid: &Rigid, m: &Moving<T>) -> Wrench<T> {
     let (sigma, j, h) = (Sym3::of(rigid.sigma), Sym3::of(rigid.j), V3::of(rigid.h));

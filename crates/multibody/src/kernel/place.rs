@@ -1,4 +1,4 @@
-//! Where every body is, and how its origin moves relative to its parent's.
+//! Kinematics: pose of every body, and rates of its origin relative to its parent's.
 
 use super::{Model, rotate};
 use crate::num::{Constant, List, Mat3, Real, Size, V3};
@@ -77,7 +77,7 @@ pub(crate) fn place<Z: Size, T: Real, K: Constant<T>>(model: Model<K>, q: &[T]) 
     out
 }
 
-/// Rates at `nu` of what is placed at `placed`, base first.
+/// Rates at `nu` of the bodies placed at `placed`, base first.
 #[inline(always)]
 pub(crate) fn rates<Z: Size, T: Real, K>(model: Model<K>, placed: &[Placed<T>], nu: &[T]) -> Z::List<Rates<T>> {
     let offset = model.offset();
@@ -98,8 +98,8 @@ pub(crate) fn rates<Z: Size, T: Real, K>(model: Model<K>, placed: &[Placed<T>], 
     out
 }
 
-/// Sine and cosine of every coordinate, four at a time. A prismatic position goes through too: skipping it would cost
-/// more than it saves.
+/// Sine and cosine of every coordinate, four at a time. Prismatic positions are included: skipping them would cost more
+/// than it saves.
 #[inline(always)]
 pub(crate) fn sines<Z: Size, T: Real>(joints: usize, q: &[T]) -> Z::List<(T, T)> {
     let mut out = Z::List::<(T, T)>::with_capacity(joints);

@@ -1,4 +1,4 @@
-//! A double as a scalar of the kernels. Its sines come four at a time, from the lanes.
+//! A double as a scalar of the kernels. Its sines are computed four at a time, in the lanes.
 
 use super::{F64x4, Real, trig};
 

@@ -1,7 +1,7 @@
-//! Four doubles side by side.
+//! Four doubles in SIMD lanes.
 //!
 //! Each operation acts on the lanes separately and rounds each as the scalar operation does, so a kernel run on
-//! [`F64x4`] gives in every lane the bits it gives for that state alone. With AVX and FMA compiled in (the
+//! [`F64x4`] is bit-identical in every lane to a run on that state alone. With AVX and FMA compiled in (the
 //! workspace's `x86-64-v3` baseline) an operation is one instruction; elsewhere it is a loop over four with the same
 //! bits, only slower.
 
@@ -125,7 +125,7 @@ mod imp {
 
     pub(super) type Repr = __m256d;
 
-    /// Wraps intrinsics whose only requirement is a processor feature.
+    /// Wraps intrinsics that require only a processor feature.
     macro_rules! feature_gated {
         ($e:expr) => {
             // SAFETY: this module exists only when AVX2 and FMA are enabled for the whole build, and the intrinsics
@@ -187,7 +187,7 @@ mod imp {
     pub(super) fn quadrant(shifted: Repr, s: Repr, c: Repr) -> (Repr, Repr) {
         feature_gated!({
             let n = _mm256_castpd_si256(shifted);
-            // blendv looks at the sign bit of each lane: move bit 0 of the quadrant there
+            // blendv selects by the sign bit of each lane: move bit 0 of the quadrant there
             let odd = _mm256_castsi256_pd(_mm256_slli_epi64::<63>(n));
             let sin = _mm256_blendv_pd(s, c, odd);
             let cos = _mm256_blendv_pd(c, s, odd);

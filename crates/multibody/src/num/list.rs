@@ -4,7 +4,7 @@
 use core::mem::MaybeUninit;
 use core::ops::{Deref, DerefMut};
 
-/// Where scratch lists live.
+/// Storage of scratch lists.
 pub(crate) trait Size {
     /// A list of `X`.
     type List<X: Copy>: List<X>;
@@ -46,8 +46,8 @@ pub(crate) struct Fixed<X: Copy, const N: usize> {
     len: usize,
 }
 
-/// `[X; N + 1]`, which stable Rust cannot spell: `repr(C)` lays the fields out one after the other, and both have the
-/// alignment of `X`, so there is no gap.
+/// `[X; N + 1]`, which stable Rust cannot express: `repr(C)` lays the fields out consecutively, and both have the
+/// alignment of `X`, so there is no padding.
 #[derive(Clone)]
 #[repr(C)]
 struct OneMore<X: Copy, const N: usize> {

@@ -1,4 +1,4 @@
-//! Numbers: the scalar trait the kernels are written over, doubles side by side, sines and cosines, 3-vectors.
+//! Numbers: the scalar trait of the kernels, SIMD lanes, sines and cosines, 3-vectors.
 //!
 //! Everything here is deterministic: additions, products, square roots and fused multiply-adds are correctly rounded
 //! by IEEE 754, and nothing else is used. No function of the C library is called, so no result depends on the

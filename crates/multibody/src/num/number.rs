@@ -1,4 +1,4 @@
-//! What a motion is computed with besides the recursions, and doubles side by side as a number.
+//! Scalar traits for the integration of a motion, and SIMD lanes as a number.
 
 use core::fmt::Debug;
 use core::ops::{AddAssign, Div, DivAssign, MulAssign, SubAssign};
@@ -7,7 +7,7 @@ use num_traits::{One, Zero};
 
 use super::Real;
 
-/// A [`Real`] of which nalgebra makes vectors, with a quotient and a root that are rounded once.
+/// A [`Real`] that nalgebra vectors can hold, with correctly rounded division and square root.
 pub trait Number:
     Real + Debug + PartialEq + Zero + One + AddAssign + SubAssign + MulAssign + DivAssign + Div<Output = Self>
 {
@@ -22,9 +22,9 @@ impl Number for f64 {
     }
 }
 
-/// Doubles side by side: every operation acts on each as it would alone, to the last bit.
+/// SIMD lanes of doubles: every operation acts on each lane bit for bit as on a single double.
 pub trait Lanes: Number + Constant<Self> {
-    /// How many.
+    /// Number of lanes.
     const WIDTH: usize;
 
     /// Lane i is `of(i)`.
@@ -37,9 +37,9 @@ pub trait Lanes: Number + Constant<Self> {
     fn lane(&self, i: usize) -> f64;
 }
 
-/// A constant of a model as a number of a recursion: a double is the same in every lane, lanes are themselves.
+/// A constant of a model as a number of a recursion: a double is broadcast to every lane, lanes are used as they are.
 pub trait Constant<T>: Copy {
-    /// As the number.
+    /// Conversion to the number.
     fn lift(self) -> T;
 }
 

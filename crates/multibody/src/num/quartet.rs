@@ -1,4 +1,4 @@
-//! Four doubles side by side as a number.
+//! Four doubles in SIMD lanes as a number.
 
 use core::ops::{AddAssign, DivAssign, MulAssign, SubAssign};
 

@@ -1,8 +1,8 @@
-//! The scalar a kernel computes with.
+//! The scalar trait of the kernels.
 
 use core::ops::{Add, Mul, Neg, Sub};
 
-/// A scalar the kernels can run on: `f64`, four states at once ([`F64x4`](crate::F64x4)), or a number of your own
+/// A scalar the kernels can run on: `f64`, four states at once ([`F64x4`](crate::F64x4)), or a user-defined number
 /// (the tests differentiate the kernels by running them on dual numbers).
 ///
 /// An implementation must be a field with a fused multiply-add; the kernels call nothing else, and never compare.
@@ -21,7 +21,7 @@ pub trait Real:
     /// Sine and cosine of `self` (rad).
     fn sin_cos(self) -> (Self, Self);
 
-    /// Sines and cosines of all `angles` (rad), handed to `put` in order.
+    /// Sines and cosines of all `angles` (rad), passed to `put` in order.
     ///
     /// Separate from [`sin_cos`](Self::sin_cos) so that one state can evaluate its joints four at a time.
     #[inline(always)]

@@ -310,7 +310,7 @@ impl<T: Real> Sym3<T> {
         }
     }
 
-    /// `self + a bᵀ` where the caller knows that `a bᵀ` (or the sum of all that is added) is symmetric.
+    /// `self + a bᵀ`; the caller guarantees that `a bᵀ` (or the sum of all added terms) is symmetric.
     #[inline(always)]
     pub(crate) fn add_outer(&self, a: V3<T>, b: V3<T>) -> Self {
         Self {

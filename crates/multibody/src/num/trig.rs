@@ -1,9 +1,9 @@
-//! Sine and cosine, the same bits everywhere.
+//! Sine and cosine, bit-identical on every machine.
 //!
 //! Cody and Waite's reduction by multiples of π/2 in two parts with fused multiply-adds, then Taylor polynomials on
 //! |r| ≤ π/4. The first omitted terms are r¹⁹/19! < 8.4e-20 for the sine and r¹⁸/18! < 2.1e-18 for the cosine, so
 //! truncation is far below rounding, and the result is within one unit in the last place of the `libm` crate's. Angles beyond
-//! ±1.6e6 rad, which no joint of ours turns through, take the slower exact reduction of the `libm` crate.
+//! ±1.6e6 rad, which no joint here reaches, take the slower exact reduction of the `libm` crate.
 
 use super::Real;
 
@@ -75,7 +75,7 @@ pub(super) fn quadrant(shifted: f64, s: f64, c: f64) -> (f64, f64) {
     (flip(sin, n), flip(cos, n.wrapping_add(1)))
 }
 
-/// Sine and cosine of `x` (rad); not a number for infinities and NaN.
+/// Sine and cosine of `x` (rad); NaN for infinities and NaN.
 #[inline]
 pub fn sin_cos(x: f64) -> (f64, f64) {
     if x.abs() > LIMIT {

@@ -1,4 +1,4 @@
-//! A description boiled down to what the recursions read, for a tree of any size.
+//! Constants of the recursions, computed from a description, for a tree of any size.
 
 use crate::description::{Body, Description, DescriptionError, Merged, Tie};
 use crate::kernel::jacobian::FrameConsts;
@@ -9,13 +9,13 @@ use nalgebra::Matrix3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameId(pub(crate) usize);
 
-/// Why a tree cannot be built.
+/// Errors of building a tree.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TreeError {
     /// The description is not a mechanism.
     #[error(transparent)]
     Description(#[from] DescriptionError),
-    /// The type has another number of joints.
+    /// The type has a different number of joints.
     #[error(
         "`{name}` has {found} moving joints ({joints}) but the tree's type is for {expected}; freeze some, or use Tree<{found}, …>"
     )]
@@ -29,7 +29,7 @@ pub enum TreeError {
         /// Their names.
         joints: String,
     },
-    /// The type's algorithms have no joints that follow others.
+    /// The type's algorithms do not support joints that follow others.
     #[error(
         "joint `{joint}` mimics `{leader}`: a tree of static size has no joints that follow others; make `{joint}` fixed in the URDF (or use DynTree, in code)"
     )]
@@ -39,12 +39,12 @@ pub enum TreeError {
         /// The joint it follows.
         leader: String,
     },
-    /// Forward dynamics has no solution: something moves without inertia.
+    /// Forward dynamics has no solution: a part moves without inertia.
     #[error("{what} moves no inertia, so its acceleration is not determined; {remedy}")]
     NoInertia {
         /// The joint (with its link), or the base.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
 }
@@ -53,9 +53,9 @@ pub enum TreeError {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("there is no frame or link `{name}`; there are: {known}")]
 pub struct UnknownFrame {
-    /// The name asked for.
+    /// The requested name.
     pub name: String,
-    /// The names there are.
+    /// The existing names.
     pub known: String,
 }
 
@@ -68,7 +68,7 @@ pub(crate) struct Constants {
     pub body_names: Vec<(String, String)>,
     pub frames: Vec<FrameConsts>,
     pub frame_names: Vec<String>,
-    /// Where the joints' positions come from, when some follow others.
+    /// Source of each joint's position, when some follow others.
     pub ties: Option<Vec<Tie>>,
 }
 

@@ -1,4 +1,4 @@
-//! [`Tree`]: a description turned into constants of static size, and the algorithms on it.
+//! [`Tree`]: a description converted to constants of static size, and the algorithms on it.
 
 mod constants;
 mod total;
@@ -50,8 +50,8 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         V == N + 6
     };
 
-    /// Builds the tree: merges fixed joints, turns every axis to +z, and refuses a mechanism some part of which moves
-    /// no inertia in every configuration.
+    /// Builds the tree: merges fixed joints, rotates every axis to +z, and rejects a mechanism with a part that moves no
+    /// inertia in any configuration.
     pub fn new(description: &Description) -> Result<Self, TreeError> {
         let constants = Constants::new(description)?;
         if constants.ties.is_some()
@@ -97,8 +97,8 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         })
     }
 
-    /// Welds a rigid body to the body that carries `frame`, where `payload` is its pose in the frame: what a gripper
-    /// does in mid-run. Does not allocate; the inertia is taken as it is, unchecked.
+    /// Welds a rigid body to the body that carries `frame`; `payload` is its pose in the frame. Used for a grasp during a
+    /// run. Does not allocate; the inertia is not checked.
     pub fn attach(&mut self, frame: FrameId, payload: &Placement, inertia: &Inertia) {
         let frame = &self.frames[frame.0];
         let at = Placement {
@@ -117,8 +117,8 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         }
     }
 
-    /// The same tree in a uniform gravity field (world axes, m/s²). Without this call there is none. Gravity acts in
-    /// the methods that take a [`State`] and in no other.
+    /// The same tree in a uniform gravity field (world axes, m/s²). Without this call there is no gravity. Gravity acts only
+    /// in the methods that take a [`State`].
     pub fn with_gravity(mut self, g_n: Vector3<f64>) -> Self {
         self.gravity = g_n;
         self
@@ -278,7 +278,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         out
     }
 
-    /// Forward dynamics without gravity; the base pose plays no part.
+    /// Forward dynamics without gravity; independent of the base pose.
     #[inline]
     pub fn aba(&self, q: &SVector<f64, N>, nu: &SVector<f64, V>, tau: &SVector<f64, V>) -> SVector<f64, V> {
         let mut out = SVector::zeros();
@@ -301,7 +301,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         out
     }
 
-    /// Four states at once: lane i of the result has the bits of [`aba`](Self::aba) on lane i of the arguments.
+    /// Four states at once: lane i of the result is bit-identical to [`aba`](Self::aba) on lane i of the arguments.
     #[inline(never)]
     pub fn aba_x4(&self, q: &[F64x4; N], nu: &[F64x4; V], tau: &[F64x4; V]) -> [F64x4; V] {
         self.aba_in(q, nu, tau)
@@ -320,7 +320,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         aba::aba::<Static<N>, T, _>(self.model(), q, nu, tau, gravity, load, out);
     }
 
-    /// Inverse dynamics (recursive Newton-Euler): `M ν̇ + C ν + gravity force`. Dampers and springs are not in it, see
+    /// Inverse dynamics (recursive Newton-Euler): `M ν̇ + C ν + gravity force`. Dampers and springs are not included, see
     /// [`passive_force`](Self::passive_force).
     #[inline]
     pub fn inverse_dynamics(&self, state: &State<N, V>, nu_dot: &SVector<f64, V>) -> SVector<f64, V> {
@@ -331,7 +331,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         out
     }
 
-    /// `M(q) ν̇ + C(q, ν) ν` without gravity; the base pose plays no part.
+    /// `M(q) ν̇ + C(q, ν) ν` without gravity; independent of the base pose.
     #[inline]
     pub fn rnea(&self, q: &SVector<f64, N>, nu: &SVector<f64, V>, nu_dot: &SVector<f64, V>) -> SVector<f64, V> {
         let mut out = SVector::zeros();
@@ -354,7 +354,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     }
 
     /// `M(q) a + C(q, ν) ν_r` in one Newton-Euler pass, with the same C as
-    /// [`mass_and_coriolis`](Self::mass_and_coriolis): what a passivity-based law needs, without forming M or C.
+    /// [`mass_and_coriolis`](Self::mass_and_coriolis): for passivity-based laws, without forming M or C.
     #[inline]
     pub fn mass_coriolis_product(
         &self,
@@ -400,7 +400,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         momentum::sums(self.model(), &k.placed, &k.rates, &k.nu).energy_at(self.model().base_part(&k.nu).1)
     }
 
-    /// [`momentum`](Self::momentum) and [`kinetic_energy`](Self::kinetic_energy) for the price of one.
+    /// [`momentum`](Self::momentum) and [`kinetic_energy`](Self::kinetic_energy) in one pass.
     pub fn momentum_and_energy(&self, k: &Kinematics<N, V>) -> (Momentum, f64) {
         let sums = momentum::sums(self.model(), &k.placed, &k.rates, &k.nu);
         let v = self.model().base_part(&k.nu).1;
@@ -425,7 +425,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         springs - m.mass * self.gravity.dot(&p_nc)
     }
 
-    /// Power the joint dampers take out, `−Σ damping · rate²` (W, never positive).
+    /// Power of the joint dampers, `−Σ damping · rate²` (W, never positive).
     pub fn damper_power(&self, nu: &SVector<f64, V>) -> f64 {
         self.bodies
             .iter()

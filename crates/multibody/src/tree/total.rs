@@ -18,14 +18,14 @@ pub struct Momentum<T = f64> {
 }
 
 impl<T: Number> Momentum<T> {
-    /// From the sums over a tree whose base moves at `v`.
+    /// Converts the sums over a tree with base velocity `v`.
     pub(crate) fn of(s: &momentum::Sums<T>, v: V3<T>) -> Self {
         let p_bc = s.h * (T::of(1.0) / s.mass);
         Self {
             mass: s.mass,
             p_bc: vector(p_bc),
             linear_b: vector(v.mul_add(s.mass, s.p)),
-            // v drops out: the angular momentum about C of a common velocity is zero
+            // v cancels: a common velocity has no angular momentum about C
             angular_b: vector(s.l - p_bc.cross(s.p)),
         }
     }

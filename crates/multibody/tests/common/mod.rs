@@ -14,7 +14,7 @@ pub(crate) fn servicer() -> Description {
     Description::from_urdf(include_str!("../../../../models/servicer.urdf")).expect("the stock model is valid")
 }
 
-/// One state of the reference file with everything it says about it.
+/// One state of the reference file with all its reference values.
 pub(crate) struct Reference {
     pub state: State<9, 15>,
     pub tau: SVector<f64, 15>,

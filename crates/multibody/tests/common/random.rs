@@ -48,7 +48,7 @@ impl Rng {
     }
 }
 
-/// An inertia that some set of point masses has.
+/// The inertia of a random set of point masses.
 pub(crate) fn inertia(rng: &mut Rng) -> Inertia {
     let points: Vec<(f64, Vector3<f64>)> = (0..5).map(|_| (1.1 + rng.unit(), rng.vector() * 0.4)).collect();
     let shift = rng.vector() * 0.3;
@@ -81,7 +81,7 @@ pub(crate) fn mechanism(rng: &mut Rng, n: usize) -> Description {
     for i in 0..n {
         // mostly chains, so that depth is tested too
         let parent = if rng.chance(70) { i } else { rng.below(i + 1) };
-        // a massless body needs something to carry, about another axis
+        // a massless body must carry a body about another axis
         let massless = i + 1 < n && rng.chance(10);
         let own = if massless { Inertia::zero() } else { inertia(rng) };
         d.links.push(link(&format!("l{i}"), Some(own)));

@@ -36,7 +36,7 @@ fn rotation(axis: &V, angle: f64) -> Matrix3<f64> {
     Matrix3::identity() * c + axis.cross_matrix() * s + axis * axis.transpose() * (1.0 - c)
 }
 
-/// The base, which the state has.
+/// The base, from the state.
 fn base(s: &DynState, dim: usize) -> Moving {
     let r = s.quat_nb.matrix();
     let b = |k: usize| V::new(s.nu[k], s.nu[k + 1], s.nu[k + 2]);
@@ -89,7 +89,7 @@ fn motion(d: &Description, s: &DynState, dim: usize) -> Vec<Option<Moving>> {
             }
             JointKind::Revolute | JointKind::Continuous => {
                 let rate = s.nu[6 + coordinate];
-                // in joint axes: turning about the world axis instead would let rounding grow from joint to joint
+                // in joint axes: rotating about the world axis instead would let rounding errors grow from joint to joint
                 r *= rotation(&j.axis.normalize(), s.q[coordinate]);
                 omega += axis * rate;
                 alpha += up.omega.cross(&axis) * rate;

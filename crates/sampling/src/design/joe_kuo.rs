@@ -3,7 +3,7 @@
 //! S. Joe and F. Y. Kuo, Constructing Sobol sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30 (2008),
 //! the set new-joe-kuo-6.21201 as SciPy 1.17.1 (BSD-3-Clause) carries it. Written by `tests/data/make.py`.
 
-/// How many dimensions there are, with the first, which needs no numbers.
+/// Number of dimensions, including the first, which needs no numbers.
 pub const DIMENSIONS: usize = 128;
 
 /// For each dimension from the second on: its primitive polynomial as bits, the highest power first, and as many initial

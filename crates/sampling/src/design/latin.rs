@@ -4,7 +4,7 @@ use lockstep::random::Stream;
 
 use super::uniform::{inside, open, stream};
 
-/// Strata of equal width, dealt out to the points at random.
+/// Strata of equal width, assigned to the points by a random permutation.
 #[derive(Debug, Clone)]
 pub(super) struct Strata {
     within: Stream,
@@ -13,7 +13,7 @@ pub(super) struct Strata {
 }
 
 impl Strata {
-    /// The order of the points' random bits is a random permutation.
+    /// Sorting the points by random bits gives the random permutation.
     pub(super) fn new(seed: u64, name: &str, points: u64) -> Strata {
         let keys = Stream::new(seed, &format!("strata {name}"));
         let count = u32::try_from(points.max(1)).unwrap_or(u32::MAX);
@@ -29,7 +29,7 @@ impl Strata {
         }
     }
 
-    /// Of points beyond the design, the strata come again from the start.
+    /// For points beyond the design, the strata repeat from the start.
     pub(super) fn at(&self, k: u64) -> f64 {
         let count = self.of.len() as u64;
         let stratum = self.of[(k % count) as usize];

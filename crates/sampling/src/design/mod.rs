@@ -1,4 +1,4 @@
-//! Designs: how the points of a campaign fill the unit cube, one coordinate at a time.
+//! Designs of experiments: point sets of a campaign in the unit cube, one coordinate at a time.
 
 mod joe_kuo;
 mod latin;
@@ -25,12 +25,12 @@ enum Way {
 }
 
 impl Coordinate {
-    /// Independent draws of the stream `vary NAME`.
+    /// Independent random numbers of the stream `vary NAME`.
     pub fn random(seed: u64, name: &str) -> Coordinate {
         Coordinate(Way::Random(stream(seed, name)))
     }
 
-    /// A Latin hypercube of `points` points: each of as many equal strata has one of them. The number of points is part of every draw.
+    /// A Latin hypercube of `points` points: each of `points` equal strata contains one. Every value depends on the number of points.
     pub fn latin_hypercube(seed: u64, name: &str, points: u64) -> Coordinate {
         Coordinate(Way::Latin(Strata::new(seed, name, points)))
     }
@@ -40,7 +40,7 @@ impl Coordinate {
         Some(Coordinate(Way::Sobol(Box::new(Scrambled::new(seed, name, dimension)?))))
     }
 
-    /// The number of point `k`, from 0: in (0, 1), the ends excluded.
+    /// The coordinate of point `k`, from 0: in the open interval (0, 1).
     pub fn at(&self, k: u64) -> f64 {
         match &self.0 {
             Way::Random(stream) => open(stream, k),
@@ -50,7 +50,7 @@ impl Coordinate {
     }
 }
 
-/// The number of bits of a Sobol' point that are its sequence's own.
+/// Number of bits of a Sobol' point that the sequence determines.
 pub const SOBOL_BITS: u32 = sobol::BITS;
 
 /// Point `k` of dimension `dimension` without scrambling, as a multiple of 2^-32. `None` from [`DIMENSIONS`] on.

@@ -5,7 +5,7 @@ use lockstep::random::Stream;
 use super::joe_kuo::{DIMENSIONS, NUMBERS};
 use super::uniform::{inside, open, stream};
 
-/// Bits of a point that are the sequence's own: enough for 2^32 points.
+/// Bits of a point that the sequence determines: enough for 2^32 points.
 pub(super) const BITS: u32 = 32;
 
 /// The direction numbers of one dimension, each as a multiple of 2^-32.
@@ -70,7 +70,7 @@ impl Scrambled {
         })
     }
 
-    /// Each bit is turned over or not, drawn for what stands before it; what is finer than the sequence is uniform.
+    /// Each bit is flipped at random, depending on the bits before it; the bits below the sequence's resolution are uniform.
     pub(super) fn at(&self, k: u64) -> f64 {
         let plain = self.sequence.at(k);
         let mut scrambled = plain;

@@ -1,11 +1,11 @@
-//! Why there is no such distribution.
+//! Errors of invalid distributions.
 
-/// A distribution that there is not.
+/// A distribution that does not exist.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Impossible {
-    /// The parameter that is wrong, as [`Scalar`](super::Scalar) and the others call it.
+    /// The invalid parameter, by its name in [`Scalar`](super::Scalar) and the other distributions.
     pub parameter: &'static str,
-    /// What is wrong with it.
+    /// The reason.
     pub reason: String,
 }
 

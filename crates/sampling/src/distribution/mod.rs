@@ -1,4 +1,4 @@
-//! Distributions, each as the value that belongs to numbers in (0, 1).
+//! Distributions, each as an inverse distribution function of numbers in (0, 1).
 
 mod impossible;
 mod inertia;

@@ -1,4 +1,4 @@
-//! Rotations: random ones, and small ones.
+//! Random rotations and small random misalignments.
 
 use std::f64::consts::TAU;
 
@@ -8,7 +8,7 @@ use super::vector::cross;
 /// A Hamilton quaternion, the scalar first.
 pub type Quaternion = [f64; 4];
 
-/// All rotations equally likely (K. Shoemake, Uniform random rotations, 1992); the scalar part is not negative.
+/// A uniformly distributed rotation (K. Shoemake, Uniform random rotations, 1992); the scalar part is not negative.
 pub fn random_rotation(u: [f64; 3]) -> Quaternion {
     let (a, b) = (libm::sqrt(1.0 - u[0]), libm::sqrt(u[0]));
     let (first, second) = (TAU * u[1], TAU * u[2]);
@@ -21,7 +21,7 @@ pub fn random_rotation(u: [f64; 3]) -> Quaternion {
     if q[0] < 0.0 { q.map(|x| -x) } else { q }
 }
 
-/// The rotation vector of a small turn, rad: three independent normal angles about the axes, each with standard deviation `deviation`.
+/// The rotation vector of a small rotation, rad: three independent normal angles about the axes, each with standard deviation `deviation`.
 pub fn misalignment(deviation: f64, u: [f64; 3]) -> [f64; 3] {
     u.map(|u| deviation * quantile(u))
 }
@@ -29,7 +29,7 @@ pub fn misalignment(deviation: f64, u: [f64; 3]) -> [f64; 3] {
 /// The rotation about the vector `turn` by its length, rad.
 pub fn small_rotation(turn: [f64; 3]) -> Quaternion {
     let angle = libm::sqrt(turn.iter().map(|x| x * x).sum());
-    // sin(x/2)/x, whose limit at zero is 1/2.
+    // sin(x/2)/x, with the limit 1/2 at zero.
     let part = if angle > 1e-9 {
         libm::sin(0.5 * angle) / angle
     } else {
@@ -47,7 +47,7 @@ pub fn compose(a: Quaternion, b: Quaternion) -> Quaternion {
     [scalar, vector[0], vector[1], vector[2]]
 }
 
-/// The vector `v` turned by `q`.
+/// The vector `v` rotated by `q`.
 pub fn rotate(q: Quaternion, v: [f64; 3]) -> [f64; 3] {
     let axis = [q[1], q[2], q[3]];
     let twice = cross(axis, v).map(|x| 2.0 * x);
@@ -55,7 +55,7 @@ pub fn rotate(q: Quaternion, v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| v[i] + q[0] * twice[i] + again[i])
 }
 
-/// Turns about the fixed axes x, y and z in this order, rad.
+/// Rotations about the fixed axes x, y and z in this order, rad.
 pub fn from_roll_pitch_yaw(angles: [f64; 3]) -> Quaternion {
     let about = |axis: usize| {
         let mut q = [libm::cos(0.5 * angles[axis]), 0.0, 0.0, 0.0];
@@ -65,7 +65,7 @@ pub fn from_roll_pitch_yaw(angles: [f64; 3]) -> Quaternion {
     compose(about(2), compose(about(1), about(0)))
 }
 
-/// The turns about the fixed axes x, y and z in this order, rad; the one about y from -π/2 to π/2.
+/// The rotations about the fixed axes x, y and z in this order, rad; the one about y from -π/2 to π/2.
 pub fn roll_pitch_yaw(q: Quaternion) -> [f64; 3] {
     let [w, x, y, z] = q;
     let sine = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0);

@@ -1,16 +1,16 @@
-//! Distributions of one number.
+//! Scalar distributions.
 
 use super::impossible::{Impossible, impossible};
 use super::normal::{cumulative, quantile};
 
-/// A distribution of one number. Values are in any unit, the same for all parameters that have one.
+/// A scalar distribution. Values are in any unit, the same for all parameters with a unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scalar {
-    /// Equally likely between two ends.
+    /// Uniform between two bounds.
     Uniform {
-        /// The lower end.
+        /// The lower bound.
         from: f64,
-        /// The upper end.
+        /// The upper bound.
         to: f64,
     },
     /// Normal.
@@ -20,43 +20,43 @@ pub enum Scalar {
         /// The standard deviation.
         deviation: f64,
     },
-    /// Normal, given that it lies between two ends.
+    /// Normal, truncated to two bounds.
     TruncatedNormal {
-        /// The mean before the cut.
+        /// The mean before truncation.
         mean: f64,
-        /// The standard deviation before the cut.
+        /// The standard deviation before truncation.
         deviation: f64,
-        /// The lower end; may be -∞.
+        /// The lower bound; may be -∞.
         from: f64,
-        /// The upper end; may be ∞.
+        /// The upper bound; may be ∞.
         to: f64,
     },
-    /// Its logarithm is normal.
+    /// Log-normal: the logarithm is normal.
     LogNormal {
         /// The median.
         median: f64,
         /// The standard deviation of the natural logarithm.
         log_deviation: f64,
     },
-    /// The density rises in a straight line to the mode, and falls in one.
+    /// Triangular: the density rises linearly to the mode, and falls linearly after it.
     Triangular {
-        /// The lower end.
+        /// The lower bound.
         from: f64,
         /// The most likely value.
         mode: f64,
-        /// The upper end.
+        /// The upper bound.
         to: f64,
     },
 }
 
-/// Less than this of a normal distribution is nothing that can be drawn from.
+/// Smallest probability mass of a normal distribution that can be sampled.
 const NOTHING: f64 = 1e-250;
 
 impl Scalar {
-    /// Whether there is such a distribution.
+    /// Checks the parameters.
     ///
     /// # Errors
-    /// Names the parameter that is wrong.
+    /// Names the invalid parameter.
     pub fn check(&self) -> Result<(), Impossible> {
         let ordered = |from: f64, to: f64| {
             if from < to {
@@ -106,7 +106,7 @@ impl Scalar {
         }
     }
 
-    /// The value that a draw exceeds with probability 1 - `u`, for `u` in (0, 1).
+    /// The quantile, exceeded with probability 1 - `u`, for `u` in (0, 1).
     pub fn quantile(&self, u: f64) -> f64 {
         match *self {
             Scalar::Uniform { from, to } => from + u * (to - from),
@@ -118,7 +118,7 @@ impl Scalar {
                 to,
             } => {
                 let (from_z, to_z) = ((from - mean) / deviation, (to - mean) / deviation);
-                // In the upper tail differences of numbers close to one would lose all digits: there the mirror image is drawn.
+                // In the upper tail differences of numbers close to one would lose all digits: there the mirror image is used.
                 let turned = from_z > 0.0;
                 let (low, high) = mirrored(from_z, to_z);
                 let u = if turned { 1.0 - u } else { u };
@@ -143,7 +143,7 @@ fn mirrored(from: f64, to: f64) -> (f64, f64) {
     if from > 0.0 { (-to, -from) } else { (from, to) }
 }
 
-/// Choices with weights.
+/// Weighted choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weights(Vec<f64>);
 
@@ -151,7 +151,7 @@ impl Weights {
     /// One choice for each weight; the weights need not add up to one.
     ///
     /// # Errors
-    /// Weights that are negative or not finite, and none above zero.
+    /// Weights that are negative or not finite, or no weight above zero.
     pub fn new(weights: &[f64]) -> Result<Weights, Impossible> {
         if let Some(wrong) = weights.iter().find(|weight| !(weight.is_finite() && **weight >= 0.0)) {
             return Err(impossible("weights", format!("{wrong} is negative or not finite")));
@@ -169,11 +169,11 @@ impl Weights {
         }
     }
 
-    /// The choice, from 0, of a number in (0, 1). What has no weight is never chosen.
+    /// The choice, from 0, for a number in (0, 1). A choice with zero weight is never made.
     pub fn choice(&self, u: f64) -> usize {
         let all = self.0.last().copied().unwrap_or(0.0);
         let at = self.0.partition_point(|sum| *sum <= u * all);
-        // Rounding may put a draw at the very end.
+        // Rounding may put a number at the very end.
         at.min(self.0.partition_point(|sum| *sum < all))
     }
 }

@@ -1,23 +1,23 @@
-//! Distributions of several numbers: correlated ones, and directions.
+//! Multivariate distributions: correlated normal numbers, and directions.
 
 use std::f64::consts::TAU;
 
 use super::impossible::{Impossible, impossible};
 use super::normal::quantile;
 
-/// A normal distribution of several numbers.
+/// A multivariate normal distribution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Correlated {
     mean: Vec<f64>,
-    /// The lower triangle whose product with its transpose is the covariance, row by row.
+    /// The Cholesky factor (lower triangle) of the covariance, row by row.
     root: Vec<Vec<f64>>,
 }
 
 impl Correlated {
-    /// From means, standard deviations and the matrix of correlations, which has ones on its diagonal; none means independent ones.
+    /// Builds it from means, standard deviations and the correlation matrix, which has ones on its diagonal; `None`: independent numbers.
     ///
     /// # Errors
-    /// A matrix of another size, or that no random numbers have; negative deviations. A deviation of zero is one number for all.
+    /// A matrix of the wrong size, or one that is no correlation matrix; negative deviations. A deviation of zero gives a constant.
     pub fn new(mean: &[f64], deviations: &[f64], correlations: Option<&[Vec<f64>]>) -> Result<Correlated, Impossible> {
         let n = mean.len();
         if deviations.len() != n {
@@ -50,7 +50,7 @@ impl Correlated {
                 let sum: f64 = (0..j).map(|k| root[i][k] * root[j][k]).sum();
                 let rest = one(i, j) - sum;
                 if i == j {
-                    // A number that others determine has nothing left; rounding may make that a little less.
+                    // A number determined by the others has zero remaining variance; rounding may make it slightly negative.
                     if rest.is_nan() || rest < -1e-12 {
                         return Err(refuse(
                             "contradicts itself: no random numbers have these correlations".into(),
@@ -75,17 +75,17 @@ impl Correlated {
         })
     }
 
-    /// How many numbers it has, and how many numbers in (0, 1) a draw takes.
+    /// Its dimension, which is also how many numbers in (0, 1) a sample takes.
     pub fn len(&self) -> usize {
         self.mean.len()
     }
 
-    /// Whether it has none.
+    /// Whether the dimension is zero.
     pub fn is_empty(&self) -> bool {
         self.mean.is_empty()
     }
 
-    /// The draw that belongs to numbers in (0, 1).
+    /// The sample for numbers in (0, 1).
     pub fn quantile(&self, u: &[f64]) -> Vec<f64> {
         let z: Vec<f64> = u.iter().map(|u| quantile(*u)).collect();
         let rows = self.mean.iter().zip(&self.root);
@@ -94,18 +94,18 @@ impl Correlated {
     }
 }
 
-/// A unit vector, all directions equally likely.
+/// A unit vector with uniformly distributed direction.
 pub fn on_sphere(u: [f64; 2]) -> [f64; 3] {
     let z = 1.0 - 2.0 * u[0];
     let radius = libm::sqrt((1.0 - z) * (1.0 + z));
     [radius * libm::cos(TAU * u[1]), radius * libm::sin(TAU * u[1]), z]
 }
 
-/// A unit vector within `half_angle` (rad, at most π) of the direction `axis`, which need not have length one, all directions in there
-/// equally likely.
+/// A unit vector uniformly distributed in the cone within `half_angle` (rad, at most π) of the direction `axis`, which need not have
+/// length one.
 pub fn in_cone(axis: [f64; 3], half_angle: f64, u: [f64; 2]) -> [f64; 3] {
     let half = libm::sin(0.5 * half_angle);
-    // One minus the cosine of the angle to the axis, exact also for a narrow cone.
+    // One minus the cosine of the angle to the axis, accurate also for a narrow cone.
     let short = u[0] * 2.0 * half * half;
     let across = libm::sqrt(short * (2.0 - short));
     let length = libm::sqrt(axis.iter().map(|x| x * x).sum());
@@ -115,9 +115,9 @@ pub fn in_cone(axis: [f64; 3], half_angle: f64, u: [f64; 2]) -> [f64; 3] {
     std::array::from_fn(|i| (1.0 - short) * axis[i] + across * (c * first[i] + s * second[i]))
 }
 
-/// Two unit vectors that stand on the unit vector `axis` and on each other.
+/// Two unit vectors perpendicular to the unit vector `axis` and to each other.
 fn beside(axis: [f64; 3]) -> ([f64; 3], [f64; 3]) {
-    // Away from the coordinate axis that is nearest.
+    // Start from the coordinate axis least aligned with `axis`.
     let mut helper = [0.0; 3];
     let least = (0..3).min_by(|a, b| f64::total_cmp(&axis[*a].abs(), &axis[*b].abs()));
     helper[least.unwrap_or(0)] = 1.0;

@@ -1,23 +1,23 @@
-//! Sobol' indices: which part of a figure's variance comes from which input.
+//! Sobol' indices: variance-based sensitivity of a figure to its inputs.
 
 use super::moments::moments;
 
 /// The indices of one input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Index {
-    /// The part of the variance that the input has alone.
+    /// First-order index: the part of the variance due to the input alone.
     pub first: f64,
-    /// Half of the width of its interval with 95 % confidence.
+    /// Half-width of its 95 % confidence interval.
     pub first_half: f64,
-    /// The part in which the input takes part, alone or with others.
+    /// Total index: the part due to the input, alone or in interaction with others.
     pub total: f64,
-    /// Half of the width of its interval with 95 % confidence.
+    /// Half-width of its 95 % confidence interval.
     pub total_half: f64,
 }
 
-/// The indices of all inputs. A row has the figure at a point of A, at one of B, and for each input at the one that is that of A but
-/// for this input, which comes from B. First-order indices are those of Saltelli and others (2010), total ones those of Jansen (1999).
-/// `None` of fewer than two rows, or where the figure is constant.
+/// The indices of all inputs. A row holds the figure at a point of A, at a point of B, and for each input at the point of A with this
+/// input taken from B. First-order indices use the estimator of Saltelli and others (2010), total ones that of Jansen (1999).
+/// `None` for fewer than two rows, or when the figure is constant.
 pub fn indices(rows: &[Vec<f64>]) -> Option<Vec<Index>> {
     let n = rows.len();
     let inputs = rows.first()?.len().checked_sub(2)?;

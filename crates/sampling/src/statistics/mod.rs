@@ -1,4 +1,4 @@
-//! Statistics of samples, none of which assumes a distribution.
+//! Distribution-free statistics of samples.
 
 mod indices;
 mod moments;

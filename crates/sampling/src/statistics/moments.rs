@@ -1,6 +1,6 @@
 //! Mean and deviation.
 
-/// Mean and standard deviation (with n - 1); `None` of fewer than two values.
+/// Mean and standard deviation (with n - 1); `None` for fewer than two values.
 pub fn moments(values: &[f64]) -> Option<(f64, f64)> {
     let n = values.len() as f64;
     if values.len() < 2 {

@@ -1,18 +1,18 @@
-//! Percentiles with intervals from order statistics.
+//! Percentiles with confidence intervals from order statistics.
 
 /// A percentile of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Percentile {
-    /// The least value that at least this part of the sample does not exceed.
+    /// The least value that at least this fraction of the sample does not exceed.
     pub value: f64,
-    /// The lower end of the interval of the distribution's percentile; `None` where the sample is too small to have one.
+    /// The lower end of the confidence interval of the distribution's percentile; `None` when the sample is too small for one.
     pub low: Option<f64>,
     /// The upper end, likewise.
     pub high: Option<f64>,
 }
 
-/// The percentile `part` (in (0, 1)) of values in ascending order, and an interval that holds that of their distribution with
-/// probability `confidence` or more, half of the rest on each side, whatever the distribution is. `None` of no values.
+/// The percentile `part` (in (0, 1)) of values in ascending order, and an interval that contains their distribution's percentile with
+/// probability `confidence` or more, half of the rest on each side, for any distribution. `None` for no values.
 pub fn percentile(sorted: &[f64], part: f64, confidence: f64) -> Option<Percentile> {
     let n = sorted.len();
     let last = n.checked_sub(1)?;
@@ -25,21 +25,21 @@ pub fn percentile(sorted: &[f64], part: f64, confidence: f64) -> Option<Percenti
     })
 }
 
-/// The rank, from 1, of the least of `n` values in ascending order that at least the part `part` of them does not exceed. There is at least
-/// one value.
+/// The rank, from 1, of the least of `n` values in ascending order that at least the fraction `part` of them does not exceed. `n` is at
+/// least one.
 pub fn nearest_rank(n: usize, part: f64) -> usize {
     ((part * n as f64).ceil() as usize).clamp(1, n)
 }
 
-/// The ranks, from 1, of the values between which the percentile lies: 0 and n + 1 where no value will do.
+/// The ranks, from 1, of the values that enclose the percentile: 0 and n + 1 where no value suffices.
 ///
-/// So many of n values lie below the percentile as a binomial distribution says. The lower rank is the greatest l with
+/// The number of n values below the percentile has a binomial distribution. The lower rank is the greatest l with
 /// P(fewer than l lie below) ≤ (1 - confidence)/2, the upper one the least u with P(u or more lie below) ≤ the same.
 pub fn rank_bounds(n: usize, part: f64, confidence: f64) -> (usize, usize) {
     let tail = 0.5 * (1.0 - confidence);
     let count = n as f64;
     let deviation = libm::sqrt(count * part * (1.0 - part));
-    // What lies further out has no digit of the sums.
+    // Terms further out do not affect any digit of the sums.
     let first = (count * part - 12.0 * deviation - 12.0).max(0.0) as usize;
     let last = ((count * part + 12.0 * deviation + 12.0) as usize).min(n);
     let log = |k: usize| {
@@ -50,7 +50,7 @@ pub fn rank_bounds(n: usize, part: f64, confidence: f64) -> (usize, usize) {
     };
     let odds = part / (1.0 - part);
     let mut all = Vec::with_capacity(last - first + 1);
-    // From the most likely count outwards, where the products only become smaller.
+    // From the most likely count outwards, where the terms only decrease.
     let middle = ((count * part) as usize).clamp(first, last);
     let at_middle = libm::exp(log(middle));
     all.resize(last - first + 1, at_middle);

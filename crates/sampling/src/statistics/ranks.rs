@@ -1,6 +1,6 @@
-//! Ranks, and correlations of them.
+//! Ranks and rank correlation.
 
-/// The rank of each value, from 1; values that are equal share the mean of their ranks.
+/// The rank of each value, from 1; equal values share the mean of their ranks.
 pub fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| f64::total_cmp(&values[*a], &values[*b]));
@@ -18,7 +18,7 @@ pub fn ranks(values: &[f64]) -> Vec<f64> {
     ranks
 }
 
-/// The correlation of two lists of the same length; `None` where one of them is constant, or there are fewer than three.
+/// The correlation of two lists of the same length; `None` when one of them is constant, or has fewer than three values.
 pub fn correlation(x: &[f64], y: &[f64]) -> Option<f64> {
     let n = x.len().min(y.len());
     if n < 3 {
@@ -35,7 +35,7 @@ pub fn correlation(x: &[f64], y: &[f64]) -> Option<f64> {
     (xx > 0.0 && yy > 0.0).then(|| (xy / libm::sqrt(xx) / libm::sqrt(yy)).clamp(-1.0, 1.0))
 }
 
-/// Spearman's correlation: that of the ranks.
+/// Spearman's correlation: the correlation of the ranks.
 pub fn spearman(x: &[f64], y: &[f64]) -> Option<f64> {
     correlation(&ranks(x), &ranks(y))
 }

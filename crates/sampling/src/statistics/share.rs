@@ -1,9 +1,9 @@
-//! The interval of a share.
+//! Confidence interval of a proportion.
 
-/// The normal distribution has 95 % within so many standard deviations of its mean.
+/// Number of standard deviations about the mean that contain 95 % of a normal distribution.
 pub const NORMAL_95: f64 = 1.959_963_984_540_054;
 
-/// The interval that holds a share with 95 % confidence when `good` of `all` draws were good (Wilson's).
+/// Wilson's 95 % confidence interval of a proportion when `good` of `all` samples were good.
 pub fn wilson(good: usize, all: usize) -> (f64, f64) {
     if all == 0 {
         return (0.0, 1.0);

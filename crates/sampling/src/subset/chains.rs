@@ -1,4 +1,4 @@
-//! The Markov chains of a level, which all take a step at the same time.
+//! The Markov chains of a level, all stepped together.
 
 use crate::design::{Coordinate, inside};
 use crate::distribution::{normal_cumulative, normal_quantile};
@@ -8,32 +8,32 @@ use super::candidate::Candidate;
 /// The standard deviation of the first level's steps.
 pub(super) const FIRST_DEVIATION: f64 = 0.8;
 
-/// The part of proposals that should be accepted (Papaioannou and others 2015, section 3.4).
+/// Target acceptance rate of the proposals (Papaioannou and others 2015, section 3.4).
 const ACCEPTED: f64 = 0.44;
 
-/// Steps are no shorter than this.
+/// Lower limit of the steps' standard deviation.
 const DEVIATION_MIN: f64 = 0.05;
 
-/// Where a chain is.
+/// State of a chain.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct State {
-    /// The point that was evaluated there.
+    /// Number of the evaluated point.
     pub number: usize,
     /// Independent standard normal numbers.
     pub z: Vec<f64>,
     pub score: f64,
 }
 
-/// Chains of one level.
+/// The chains of one level.
 #[derive(Debug)]
 pub(super) struct Chains {
-    /// The states of all chains after each step; the first are the seeds, which belong to the level already.
+    /// The states of all chains after each step; the first row holds the seeds, which already belong to the level.
     rows: Vec<Vec<State>>,
-    /// How many states a chain has in the end.
+    /// Final number of states of a chain.
     length: usize,
-    /// What the scores of all states reach.
+    /// Score that all states reach or exceed.
     threshold: f64,
-    /// Standard deviation of a step of a standard normal number; 1 forgets where it was.
+    /// Standard deviation of a step of a standard normal number; 1 makes the step independent of the current state.
     deviation: f64,
     accepted: usize,
     proposed: usize,
@@ -51,9 +51,9 @@ impl Chains {
         }
     }
 
-    /// Where each chain would go next. The first of these points has the number `first`.
+    /// The proposals of all chains. The first of these points has the number `first`.
     pub(super) fn propose(&self, coordinates: &[Coordinate], first: usize, level: usize) -> Vec<Candidate> {
-        // The correlation with which a step leaves the standard normal distribution as it is.
+        // The correlation for which a step leaves the standard normal distribution invariant.
         let correlation = (1.0 - self.deviation * self.deviation).sqrt();
         let now = self.rows.last().into_iter().flatten();
         let propose = |(at, state): (usize, &State)| {
@@ -72,13 +72,13 @@ impl Chains {
         now.enumerate().map(propose).collect()
     }
 
-    /// Each chain goes to its candidate if that is beyond the threshold, and stays where it is if not.
+    /// Each chain moves to its candidate if that reaches the threshold, and otherwise repeats its state.
     pub(super) fn step(&mut self, candidates: impl Iterator<Item = State>) {
         let now = self.rows.last().into_iter().flatten();
         let mut row = Vec::new();
         for (state, candidate) in now.zip(candidates) {
             self.proposed += 1;
-            // A point that there cannot be has NaN, which is beyond nothing.
+            // An impossible point has the score NaN, which reaches no threshold.
             let goes = candidate.score >= self.threshold;
             self.accepted += usize::from(goes);
             row.push(if goes { candidate } else { state.clone() });
@@ -90,13 +90,13 @@ impl Chains {
         self.rows.len() >= self.length
     }
 
-    /// The part of the proposals that was accepted.
+    /// The fraction of accepted proposals.
     pub(super) fn acceptance(&self) -> f64 {
         self.accepted as f64 / self.proposed.max(1) as f64
     }
 
-    /// The standard deviation with which the next level comes nearer to the acceptance that is wanted. It changes between levels alone, so
-    /// that within one the chains keep its distribution.
+    /// The standard deviation that brings the next level closer to the target acceptance. It changes only between levels, so that within
+    /// one the chains keep its distribution.
     pub(super) fn deviation(&self) -> f64 {
         (self.deviation * (self.acceptance() - ACCEPTED).exp()).clamp(DEVIATION_MIN, 1.0)
     }
@@ -106,10 +106,10 @@ impl Chains {
     }
 }
 
-/// `count` of the states, any with the same probability, in their order. `choice` gives each state its place in a lottery.
+/// `count` of the states, chosen with equal probability, in their order. `choice` gives each state a random key.
 pub(super) fn chosen(mut states: Vec<State>, count: usize, choice: &Coordinate) -> Vec<State> {
     if states.len() > count {
-        // A state that a chain has stayed in is there more than once.
+        // A state that a chain has repeated occurs more than once.
         let mut lots: Vec<(f64, usize)> = (0..states.len()).map(|at| (choice.at(at as u64), at)).collect();
         lots.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut kept: Vec<usize> = lots[..count].iter().map(|(_, at)| *at).collect();

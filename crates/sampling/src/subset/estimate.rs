@@ -1,28 +1,28 @@
-//! What the levels tell.
+//! Estimate of the probability from the levels.
 
 use crate::distribution::normal_quantile;
 
 use super::chains::State;
 
-/// What is known of one level.
+/// Results of one level.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Level {
-    /// The score that the next level begins at: zero in the last one.
+    /// The score at which the next level begins: zero in the last one.
     pub threshold: f64,
-    /// How many states it has.
+    /// Number of its states.
     pub states: usize,
-    /// The share of them that is beyond the threshold.
+    /// The share of states beyond the threshold.
     pub share: f64,
-    /// The coefficient of variation of the share, with the correlation of the chains' states.
+    /// The coefficient of variation of the share, including the correlation of the chains' states.
     pub variation: f64,
-    /// The part of the chains' steps that were accepted; none in the first level, which has no chains.
+    /// The acceptance rate of the chains' steps; none in the first level, which has no chains.
     pub acceptance: Option<f64>,
-    /// The scores of the states, falling.
+    /// The scores of the states, in descending order.
     pub scores: Vec<f64>,
 }
 
 impl Level {
-    /// `rows` are the steps of its chains, without any in the first level.
+    /// `rows` are the steps of its chains, empty in the first level.
     pub(super) fn of(threshold: f64, states: &[State], rows: &[Vec<State>], beyond: impl Fn(&State) -> bool) -> Level {
         let count = states.iter().filter(|state| beyond(state)).count();
         let share = count as f64 / states.len().max(1) as f64;
@@ -41,7 +41,7 @@ impl Level {
         }
     }
 
-    /// By how much the states of its chains say less than independent ones.
+    /// Variance inflation of the states of its chains relative to independent ones.
     fn inflation(&self) -> f64 {
         let independent = (1.0 - self.share) / (self.share * self.states as f64);
         if independent > 0.0 {
@@ -52,7 +52,7 @@ impl Level {
     }
 }
 
-/// By how much the correlation of the states of a chain enlarges the variance: equations 27 to 29 of Au and Beck.
+/// Increase of the variance due to the correlation of a chain's states: equations 27 to 29 of Au and Beck.
 fn inflation(rows: &[Vec<bool>], share: f64) -> f64 {
     let variance = share * (1.0 - share);
     if rows.len() < 2 || variance <= 0.0 {
@@ -67,30 +67,30 @@ fn inflation(rows: &[Vec<bool>], share: f64) -> f64 {
         let covariance = both as f64 / f64::from(count) - share * share;
         (1.0 - lag as f64 / length as f64) * covariance / variance
     });
-    // A negative one would say that correlated states know more than independent ones.
+    // A negative value would mean that correlated states carry more information than independent ones.
     (2.0 * lags.sum::<f64>()).max(0.0)
 }
 
-/// The probability, and how well it is known.
+/// The estimated probability and its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
-    /// Of a score above zero; zero where no state of the last level has one.
+    /// Probability of a score above zero; zero when no state of the last level has one.
     pub probability: f64,
-    /// Its coefficient of variation, of independent levels. They are not quite that, so it is a little too small. Infinite where nothing was
-    /// found.
+    /// Its coefficient of variation, assuming independent levels. They are not quite independent, so it is slightly too small. Infinite
+    /// when no event was found.
     pub variation: f64,
-    /// The 95 % interval, of a logarithm that is normal; from zero to a bound where nothing was found.
+    /// The 95 % interval, assuming a log-normal estimate; from zero to a bound when no event was found.
     pub interval: [f64; 2],
-    /// Whether the levels stopped to rise, because the score takes few different values.
+    /// Whether the thresholds stopped rising because the score takes few distinct values.
     pub stuck: bool,
     /// The levels.
     pub levels: Vec<Level>,
-    /// How many points were evaluated.
+    /// Number of evaluated points.
     pub points: usize,
-    /// How many independent points would give an interval as narrow; infinite where nothing was found.
+    /// Number of independent points that would give an equally narrow interval; infinite when no event was found.
     pub equivalent: f64,
-    /// The mean of each coordinate over the states in the event, as standard normal numbers: what the event has to do with. Empty where
-    /// nothing was found.
+    /// The mean of each coordinate over the states in the event, as standard normal numbers: shows which coordinates drive the event. Empty
+    /// when no event was found.
     pub centre: Vec<f64>,
 }
 
@@ -121,12 +121,12 @@ impl Estimate {
         }
     }
 
-    /// How often a score is greater than each of those that were met on the way: rising scores with falling probabilities.
+    /// Exceedance probability of each score encountered: ascending scores with descending probabilities.
     pub fn exceedance(&self) -> Vec<(f64, f64)> {
         let (mut curve, mut before) = (Vec::new(), 1.0);
         for level in &self.levels {
             let beyond = (level.share * level.states as f64).round() as usize;
-            // What is beyond the threshold is told better by the next level.
+            // The next level describes the region beyond the threshold more accurately.
             let last = std::ptr::eq(level, &self.levels[self.levels.len() - 1]);
             let from = if last { 0 } else { beyond };
             let own = level.scores.iter().enumerate().skip(from).rev();
@@ -143,8 +143,8 @@ fn around(probability: f64, variation: f64) -> [f64; 2] {
     [probability * (-width).exp(), (probability * width.exp()).min(1.0)]
 }
 
-/// What a probability hardly exceeds of which nothing was seen: with N independent states 3 / N (95 %), of as much as the levels before may
-/// well have kept (95 %).
+/// Upper bound of a probability with no observed event: 3 / N for N independent states (95 %), times an upper bound of the probability of
+/// reaching the last level (95 %).
 fn bound(levels: &[Level]) -> f64 {
     let (last, before) = match levels.split_last() {
         Some(all) => all,
@@ -153,7 +153,7 @@ fn bound(levels: &[Level]) -> f64 {
     let share: f64 = before.iter().map(|level| level.share).product();
     let variation = before.iter().map(|level| level.variation.powi(2)).sum::<f64>();
     let most = share * (normal_quantile(0.95) * variation.ln_1p().sqrt()).exp();
-    // Of states that say so little as those of the levels before: what correlates them does not show where none is in the event.
+    // Uses the variance inflation of the earlier levels: the correlation cannot be observed when no state is in the event.
     let inflation = before.iter().map(Level::inflation).fold(1.0, f64::max);
     (most * (3.0 * inflation / last.states.max(1) as f64).min(1.0)).min(1.0)
 }

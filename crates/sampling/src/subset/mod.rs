@@ -1,9 +1,9 @@
-//! Subset simulation: the probability of an event that is too rare to be counted.
+//! Subset simulation: the probability of an event too rare for direct Monte Carlo.
 //!
 //! Siu-Kui Au and James Beck, *Estimation of small failure probabilities in high dimensions by subset simulation*, Probabilistic Engineering
 //! Mechanics 16 (2001) 263-277. The probability that a score exceeds zero is a product of larger ones: that it exceeds the first threshold,
 //! that it exceeds the second one given that it exceeds the first, and so on. Each threshold is the score that a given share of the
-//! level's states exceeds, and the next level's states come from those by Markov chains, whose steps are those of *conditional
+//! level's states exceeds, and the next level's states are generated from those by Markov chains with the steps of *conditional
 //! sampling* (Papaioannou, Betz, Zwirglmaier and Straub, *MCMC algorithms for subset simulation*, Probabilistic Engineering Mechanics 41
 //! (2015) 89-103) in the space of independent standard normal numbers.
 //!
@@ -23,8 +23,8 @@
 //! # Ok::<(), sampling::distribution::Impossible>(())
 //! ```
 //!
-//! Nothing here evaluates a score: a batch of points goes out, their scores come in, and the next batch is a function of all scores so far, of
-//! the seed, and of the names of the coordinates. So a calculation that was stopped goes on where it was from its scores alone.
+//! The module does not evaluate scores: it returns a batch of points and takes their scores, and the next batch is a function of all scores
+//! so far, of the seed, and of the names of the coordinates. So an interrupted calculation can be resumed from its scores alone.
 
 mod candidate;
 mod chains;
@@ -37,19 +37,19 @@ use crate::design::Coordinate;
 use crate::distribution::{Impossible, normal_quantile};
 use chains::{Chains, State};
 
-/// How a subset simulation is run.
+/// Settings of a subset simulation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// States of each level.
+    /// Number of states per level.
     pub points: usize,
-    /// The share of a level's states that are beyond its threshold: one over a whole number.
+    /// The share of a level's states beyond its threshold: one over an integer.
     pub share: f64,
-    /// So many levels at most: with fewer than these the event is reached, or it is rarer than `share` to this power.
+    /// Maximum number of levels: the event is reached with fewer, or it is rarer than `share` to this power.
     pub levels: usize,
 }
 
 impl Default for Settings {
-    /// 1000 states, a tenth, eight levels: down to a probability of 1e-8.
+    /// 1000 states, a share of a tenth, eight levels: down to a probability of 1e-8.
     fn default() -> Settings {
         Settings {
             points: 1000,
@@ -59,30 +59,30 @@ impl Default for Settings {
     }
 }
 
-/// A subset simulation under way.
+/// A subset simulation in progress.
 #[derive(Debug)]
 pub struct Subset {
     settings: Settings,
     coordinates: Vec<Coordinate>,
-    /// Draws lots where more states are beyond a threshold than there are chains.
+    /// Selects chain seeds at random when more states are beyond a threshold than there are chains.
     lots: Coordinate,
     batch: Vec<Candidate>,
-    /// How many points went out before the batch.
+    /// Number of points issued before the current batch.
     sent: usize,
-    /// The chains of the level that goes on; none in the first level and at the end.
+    /// The chains of the current level; none in the first level and at the end.
     chains: Option<Chains>,
     levels: Vec<Level>,
-    /// The states that are in the event.
+    /// The states in the event.
     event: Vec<State>,
-    /// Whether the levels stopped to rise.
+    /// Whether the thresholds stopped rising.
     stuck: bool,
 }
 
 impl Subset {
-    /// Begins with one coordinate for each number that a point is made of. Points of the first level are those of the coordinates themselves.
+    /// Begins with one coordinate per dimension of a point. Points of the first level are taken from the coordinates directly.
     ///
     /// # Errors
-    /// Settings that cannot be.
+    /// Invalid settings.
     pub fn new(settings: Settings, seed: u64, coordinates: Vec<Coordinate>) -> Result<Subset, Impossible> {
         let wrong = |parameter, reason: String| Err(Impossible { parameter, reason });
         let length = 1.0 / settings.share;
@@ -131,12 +131,12 @@ impl Subset {
         })
     }
 
-    /// The points whose scores are wanted; `None` at the end.
+    /// The points to be evaluated; `None` at the end.
     pub fn batch(&self) -> Option<&[Candidate]> {
         (!self.batch.is_empty()).then_some(&self.batch)
     }
 
-    /// Takes the scores of the batch, in its order: above zero is the event, and infinity too. NaN is a point that there cannot be.
+    /// Takes the scores of the batch, in its order: above zero, infinity included, is the event. NaN marks an impossible point.
     ///
     /// # Panics
     /// When there are not as many scores as points in the batch.
@@ -172,19 +172,19 @@ impl Subset {
         }
     }
 
-    /// What is known so far.
+    /// The estimate so far.
     pub fn estimate(&self) -> Estimate {
         Estimate::of(&self.levels, &self.event, self.sent, self.stuck)
     }
 
-    /// Ends a level and begins the next one, if there is to be one. `rows` are the steps of its chains, and `deviation` that of their steps.
+    /// Ends a level and begins the next one, if needed. `rows` are the steps of its chains, and `deviation` their standard deviation.
     fn close(&mut self, states: Vec<State>, rows: Vec<Vec<State>>, deviation: f64) {
         let mut sorted: Vec<f64> = states.iter().map(|state| state.score).collect();
         sorted.sort_by(|a, b| b.total_cmp(a));
         let count = (self.settings.points as f64 * self.settings.share).round() as usize;
-        // The score of the last one that goes on: those that are equal to it do so too.
+        // The score of the last state that continues: states with the same score continue too.
         let reached = sorted.get(count - 1).copied().unwrap_or(f64::NEG_INFINITY);
-        // Where scores are few different numbers, a level may be no further than the one before it.
+        // When the score takes few distinct values, a level's threshold may equal the previous one's.
         let before = self.levels.last().map_or(f64::NEG_INFINITY, |level| level.threshold);
         self.stuck = reached <= 0.0 && (reached <= before || sorted.last().is_some_and(|least| *least >= reached));
         let last = reached > 0.0 || self.stuck || self.levels.len() + 1 >= self.settings.levels;

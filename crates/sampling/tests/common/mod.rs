@@ -1,4 +1,4 @@
-//! The numbers of SciPy.
+//! Reference values computed with SciPy.
 #![allow(dead_code, reason = "each test uses some of it")]
 
 use serde_json::Value;

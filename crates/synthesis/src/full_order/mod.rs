@@ -1,10 +1,10 @@
-//! The full-order H-infinity optimum: what any linear controller could reach on the same plant.
+//! The full-order H-infinity optimum: the least norm that any linear controller attains on the same plant.
 //!
-//! A structured optimum is a local one; the full-order optimum is global and bounds it from below, so the distance between
-//! the two says how much the structure costs. Two Riccati equations and a coupling condition decide whether a level γ can be
-//! reached (Doyle, Glover, Khargonekar and Francis 1989; the general form of Zhou, Doyle and Glover 1996, theorem 17.1);
-//! bisection does the rest. Plants without full effort weights or measurement noise, or with zeros on the imaginary axis,
-//! are bracketed by regular ones (`singular.rs`).
+//! A structured optimum is local; the full-order optimum is global and bounds it from below, so the gap between the two is the
+//! cost of the structure. Two Riccati equations and a coupling condition decide whether a level γ is attainable (Doyle, Glover,
+//! Khargonekar and Francis 1989; the general form of Zhou, Doyle and Glover 1996, theorem 17.1); the optimum is found by
+//! bisection. Plants without full effort weights or measurement noise, or with zeros on the imaginary axis, are bracketed by
+//! regular ones (`singular.rs`).
 
 mod regular;
 mod riccati;
@@ -20,8 +20,8 @@ use riccati::riccati;
 /// The optimum γ of all linear controllers for `plant` (inputs [w; u], outputs [z; y]): no controller reaches less than the
 /// first number, and some controller reaches less than the second.
 ///
-/// For a regular problem the two differ by `tolerance`, relative. The first is zero where the optimum is zero, or below 1e-7
-/// of what the plant does by itself. In a singular problem the bracket is as narrow as rounding permits.
+/// For a regular problem the two differ by `tolerance`, relative. The first is zero when the optimum is zero, or below 1e-7
+/// of the plant's own gain. For a singular problem the bracket is as narrow as rounding permits.
 ///
 /// # Errors
 /// A plant that cannot be stabilised.
@@ -57,7 +57,7 @@ pub(crate) fn state_feedbacks(plant: &StateSpace, controls: usize) -> Result<Vec
     let effort = linalg::sub(&plant.d, 0, nw, plant.outputs(), controls);
     let gram = effort.transpose() * &effort;
     let plant = if linalg::reciprocal_condition(&gram)? < 1e-12 {
-        // Effort that costs nothing gets a small cost.
+        // Unweighted control effort gets a small weight.
         singular::with_effort(plant, controls, 1e-4)
     } else {
         plant.clone()

@@ -1,13 +1,13 @@
-//! Regular problems, and the bisection that solves them.
+//! Regular H-infinity problems, solved by bisection.
 
 use super::riccati::riccati;
 use crate::linalg::{self, LinalgError, Matrix, blocks};
 use crate::state_space::StateSpace;
 
-/// Why the optimum cannot be computed.
+/// Errors of computing the optimum.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FullOrderError {
-    /// No level up to the largest tried can be reached.
+    /// No level up to the largest tried is attainable.
     #[error("no controller reaches gamma = {0:.3e}: the plant cannot be stabilised")]
     Infeasible(f64),
     /// A matrix computation failed.
@@ -31,7 +31,7 @@ pub(super) fn normalised(plant: &StateSpace, controls: usize, measurements: usiz
     plant.scaled(&left, &right).balanced()
 }
 
-/// A level of the order of what the plant does by itself, from the sizes of its matrices.
+/// A level of the order of the plant's own gain, from the sizes of its matrices.
 pub(super) fn reference(plant: &StateSpace, nw: usize, nz: usize) -> f64 {
     let size = |m: &Matrix, row, column, height, width| linalg::max_abs(&linalg::sub(m, row, column, height, width));
     let n = plant.states();
@@ -89,7 +89,7 @@ pub(super) fn bisect<E>(
     Ok(Some((low, high)))
 }
 
-/// The part of `m` outside the range of `d`, whose columns must be independent.
+/// The part of `m` outside the range of `d`, which must have independent columns.
 fn project_out(d: &Matrix, m: &Matrix) -> Result<Option<Matrix>, LinalgError> {
     let gram = d.transpose() * d;
     if linalg::reciprocal_condition(&gram)? < 1e-15 {
@@ -108,7 +108,7 @@ pub(super) struct Parts {
     d21: Matrix,
     nw: usize,
     nz: usize,
-    /// The least level from the feedthrough alone (Parrott): what no controller can move at infinite frequency.
+    /// The least level from the feedthrough alone (Parrott): the gain at infinite frequency that no controller can change.
     floor: f64,
 }
 
@@ -126,7 +126,7 @@ impl Parts {
         let Some(inputs) = project_out(&d21.transpose().to_owned(), &d11.transpose().to_owned())? else {
             return Ok(None);
         };
-        // What projecting out leaves of rounding is no obstacle.
+        // The rounding residue of the projection does not count.
         let rounding = 1e-14 * linalg::norm2(&d11)?;
         let floor = linalg::norm2(&outputs)?.max(linalg::norm2(&inputs)?);
         Ok(Some(Self {
@@ -142,7 +142,7 @@ impl Parts {
         }))
     }
 
-    /// The bracket of the optimum; `None` when no level is reached.
+    /// The bracket of the optimum; `None` when no level is attainable.
     pub(super) fn search(&self, tolerance: f64) -> Result<Option<(f64, f64)>, LinalgError> {
         let start = reference(&self.plant, self.nw, self.nz);
         bisect(start, self.floor, tolerance, |level| self.reachable(level))

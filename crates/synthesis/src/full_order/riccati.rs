@@ -1,4 +1,4 @@
-//! The Riccati equation of the H-infinity problem, by the matrix sign of its Hamiltonian.
+//! The Riccati equation of the H-infinity problem, solved by the matrix sign function of its Hamiltonian.
 
 use crate::balance;
 use crate::linalg::{self, LinalgError, Matrix, blocks};
@@ -45,7 +45,7 @@ pub(super) fn riccati(
     if linalg::check_finite(&scaled).is_err() {
         return Ok(None);
     }
-    // Trust nothing: it must span an invariant subspace, and a stable one.
+    // Verify the result: it must span an invariant subspace, and a stable one.
     let closed = linalg::sub(&h, 0, 0, n, n) + linalg::sub(&h, 0, n, n, n) * &scaled;
     let residual = linalg::sub(&h, n, 0, n, n) + linalg::sub(&h, n, n, n, n) * &scaled - &scaled * &closed;
     if frobenius(&residual) > 1e-6 * frobenius(&h) * (1.0 + frobenius(&scaled)) {
@@ -57,19 +57,19 @@ pub(super) fn riccati(
     {
         return Ok(None);
     }
-    // In the balanced coordinates a solution of size one is one that matters. Where the cost can be brought to zero the
-    // solution is zero, and what is computed is rounding of either sign.
+    // In the balanced coordinates a significant solution is of size one. Where the cost can be reduced to zero the solution
+    // is zero, and the computed one is rounding error of either sign.
     let scaled = linalg::symmetric_part(&scaled);
     let least = linalg::symmetric_eigen(&scaled)?.0[0];
-    // The lower block is a difference of terms as large as C₁ᵀC₁, and so far it is known.
+    // The lower block is a difference of terms as large as C₁ᵀC₁, which limits its accuracy.
     let own = linalg::max_abs(&linalg::sub(&h, 0, 0, n, n)).max(f64::MIN_POSITIVE);
     let rounding = 1e3 * f64::EPSILON * linalg::max_abs(&q) / (scale * own);
     let positive = least >= -1e-7 * linalg::max_abs(&scaled) - 1e-10 - rounding.min(1e-2);
     Ok(positive.then(|| Matrix::from_fn(n, n, |i, j| scaled[(i, j)] * scale)))
 }
 
-/// Scales the two halves against each other: X becomes X / scale. The off-diagonal blocks become of like size, or, where their
-/// product is small beside A (and one of them perhaps zero, or rounding), the upper one becomes as large as A.
+/// Scales the two halves relative to each other: X becomes X / scale. The off-diagonal blocks become of similar size, or, where
+/// their product is small compared with A (and one of them perhaps zero, or rounding), the upper one becomes as large as A.
 fn balance_hamiltonian(mut h: Matrix) -> (Matrix, f64) {
     let n = h.nrows() / 2;
     let size = |row, column| linalg::max_abs(&linalg::sub(&h, row, column, n, n));
@@ -90,7 +90,7 @@ fn balance_hamiltonian(mut h: Matrix) -> (Matrix, f64) {
 }
 
 /// The matrix sign by Newton's iteration with norm scaling (Roberts 1980; Byers 1987); `None` when it does not converge,
-/// which is the sign of eigenvalues on the imaginary axis.
+/// which indicates eigenvalues on the imaginary axis.
 fn matrix_sign(h: &Matrix) -> Option<Matrix> {
     let mut z = h.clone();
     for step in 0..60 {
@@ -107,7 +107,7 @@ fn matrix_sign(h: &Matrix) -> Option<Matrix> {
             break;
         }
     }
-    // Rounding can keep the last digits moving; what squares to the identity is a sign. The caller checks its consequences.
+    // Rounding can keep the last digits changing; a matrix that squares to the identity is accepted. The caller verifies the result.
     let defect = frobenius(&(&z * &z - Matrix::identity(z.nrows(), z.nrows())));
     (defect <= 1e-6 * frobenius(&z).max(1.0)).then_some(z)
 }

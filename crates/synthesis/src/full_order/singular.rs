@@ -1,13 +1,13 @@
-//! Brackets for problems without the regularity that the Riccati equations ask for.
+//! Brackets for singular problems, which lack the regularity that the Riccati equations require.
 //!
-//! Where an effort or a noise is missing, or a zero lies on the imaginary axis, two families of regular problems enclose
-//! the optimum, and both converge to it:
+//! Where an effort weight or a noise is missing, or a zero lies on the imaginary axis, two families of regular problems
+//! enclose the optimum, and both converge to it:
 //!
-//! - From above, the states and controls enter the performance outputs and the measurements get noises, all of size ε. More
-//!   outputs and inputs can only raise the norm of a closed loop.
-//! - From below, the right half-plane is shrunk to a disc in it that touches neither the axis nor infinity (diameter from ε
-//!   to 1/ε). What is stable and small on the half-plane is so on the disc (maximum modulus), and the zeros of the boundary
-//!   are outside. A zero on the boundary itself adds what no controller can move there (Parrott).
+//! - From above, the states and controls are added to the performance outputs and noise to the measurements, all of size ε.
+//!   More outputs and inputs can only raise the norm of a closed loop.
+//! - From below, the right half-plane is replaced by a disc inside it that touches neither the axis nor infinity (diameter
+//!   from ε to 1/ε). A function that is stable and small on the half-plane is so on the disc (maximum modulus), and the zeros
+//!   of the boundary are outside. A zero on the boundary itself adds the gain that no controller can change there (Parrott).
 
 use super::regular::{FullOrderError, Parts, normalised};
 use super::riccati::riccati;
@@ -28,7 +28,7 @@ pub(super) fn bracket(
         let raised = augmented(plant, controls, measurements, epsilon);
         if let Some(parts) = Parts::new(&normalised(&raised, controls, measurements), controls, measurements)? {
             match parts.search(tolerance)? {
-                // The levels fall with ε; one that rises is rounding.
+                // The levels decrease with ε; an increase is rounding error.
                 Some((_, level)) if level < high => high = level,
                 Some(_) => {}
                 None => highest_tried = f64::INFINITY,
@@ -128,11 +128,11 @@ fn disc(plant: &StateSpace, epsilon: f64) -> Option<StateSpace> {
     })
 }
 
-/// What no controller can move on the boundary of the half-plane: at zero and infinite frequency, and at the modes and zeros on
-/// the imaginary axis.
+/// Gain that no controller can change on the boundary of the half-plane: at zero and infinite frequency, and at the modes and zeros
+/// on the imaginary axis.
 ///
-/// With a stabilising controller of any kind in place, what others can reach is `T₁₁ + T₁₂ Q T₂₁` with Q and all of T stable
-/// (Youla, Jabr and Bongiorno 1976): these can be evaluated where the plant itself has a pole.
+/// With any stabilising controller in place, the closed loops attainable by others are `T₁₁ + T₁₂ Q T₂₁` with Q and all of T
+/// stable (Youla, Jabr and Bongiorno 1976): these can be evaluated where the plant itself has a pole.
 fn boundary(p: &StateSpace, controls: usize, measurements: usize) -> Result<f64, LinalgError> {
     let n = p.states();
     let (nw, nz) = (p.inputs() - controls, p.outputs() - measurements);
@@ -199,7 +199,7 @@ fn regulator(a: &Matrix, b: &Matrix) -> Result<Option<Matrix>, LinalgError> {
     Ok(x.map(|x| b.transpose() * x * faer::Scale(-1.0)))
 }
 
-/// Matrices among whose eigenvalues are the zeros of `(a, b, c, d)`, where d has full column rank.
+/// Matrices with the zeros of `(a, b, c, d)` among their eigenvalues, where d has full column rank.
 fn zero_dynamics(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Result<Option<Matrix>, LinalgError> {
     let gram = d.transpose() * d;
     if linalg::reciprocal_condition(&gram)? < 1e-12 {
@@ -216,7 +216,7 @@ fn outside(d: &CMatrix, m: &CMatrix) -> Result<f64, LinalgError> {
     let basis = CMatrix::from_fn(d.nrows(), rank, |i, j| u[(i, j)]);
     let rest = m - &basis * (linalg::adjoint(&basis) * m);
     let norm = linalg::singular_values(&rest)?[0];
-    // Rounding is no obstacle.
+    // Rounding error does not count.
     let own = linalg::singular_values(m)?[0];
     Ok(if norm > 1e-10 * own { norm } else { 0.0 })
 }

@@ -1,8 +1,8 @@
 //! Newton's method for the analytic centre of the scalings that prove a level.
 //!
 //! In the congruence that makes the certificate (and every barrier) the identity, the derivative of the potential along a
-//! parameter is a trace and its Hessian a Gram matrix of real vectors: one real product does the bulk of the work. A parameter
-//! is one entry of D or G, so its image is a sum of a few dyads of columns that are computed once.
+//! parameter is a trace and its Hessian a Gram matrix of real vectors: one real matrix product is the bulk of the work. A
+//! parameter is one entry of D or G, so its image is a sum of a few dyads of columns that are computed once.
 
 use super::scalings::{Centres, Parameter};
 use super::structure::Block;
@@ -66,7 +66,7 @@ impl Centres<'_> {
                 }
             }
             let mut hessian = rows.transpose() * &rows;
-            // Every G for which G M is Hermitian changes nothing (one always exists); a little ridge pins those directions.
+            // Every G for which G M is Hermitian has no effect (one always exists); a small ridge regularises those directions.
             let ridge = 1e-10 * (0..n).map(|k| hessian[(k, k)]).sum::<f64>() / n as f64;
             (0..n).for_each(|k| hessian[(k, k)] += ridge);
             // KKT system of the Newton step with Σ trace D held.
@@ -96,7 +96,7 @@ impl Centres<'_> {
                 }
                 t *= 0.5;
                 if t < 1e-10 {
-                    // What rounding lets the potential show is reached.
+                    // The resolution of the potential under rounding is reached.
                     return Ok(decrement < 1e-2);
                 }
             }
@@ -104,7 +104,7 @@ impl Centres<'_> {
         Ok(false)
     }
 
-    /// How far below `level` the least β² can lie, by duality; `x` must be the centre of that level. `None` outside the domain.
+    /// Duality gap: how far below `level` the least β² can lie; `x` must be the centre of that level. `None` outside the domain.
     ///
     /// At the centre the inverse Z of the certificate, with those of the barriers, is a multiplier: for the scalings x' of
     /// any level λ' it makes `(level − λ') Tr(Z D(x')) ≤ ν Tr D'`, with ν the sum of all sizes over the trace of D here. The

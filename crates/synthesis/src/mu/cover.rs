@@ -1,4 +1,4 @@
-//! The proof of a margin: scalings that prove a level on intervals, until the intervals cover all frequencies.
+//! Proof of a margin: scalings that certify a level on frequency intervals, until the intervals cover all frequencies.
 
 use super::options::MarginOptions;
 use super::scalings::{Scalings, bound_until, holds};
@@ -10,25 +10,25 @@ use crate::state_space::StateSpace;
 
 /// Largest G of a certificate, in multiples of the level and D.
 ///
-/// With real blocks alone mu over frequency can be a spike of no width: a loop whose phase crosses at one frequency whatever the
-/// parameters are is singular there and nowhere else. Scalings with unlimited G know this and prove next to nothing right beside
-/// the spike, so intervals from both sides met within rounding and the spike was never seen. With G limited, what a certificate
-/// proves is continuous in frequency: the flanks of a spike have a width of about the inverse of this number, and rounding errors
-/// are far smaller. At the spike itself G is of no help, so the peak is what it was. (It is as if a real parameter had a
-/// complex part of half a per cent.)
+/// With real blocks alone mu over frequency can be a spike of zero width: a loop with a phase crossing at one frequency, independent
+/// of the parameters, is singular there and nowhere else. Scalings with unlimited G prove a bound near zero directly beside the
+/// spike, so intervals from both sides would meet within rounding and miss the spike. With G limited, the proved bound is continuous
+/// in frequency: the flanks of a spike have a width of about the inverse of this number, and rounding errors are far smaller. At the
+/// spike itself G has no effect, so the peak is unchanged. (The limit is equivalent to a complex part of half a per cent in a real
+/// parameter.)
 pub(super) const STEEPEST: f64 = 100.0;
 
 /// A level that mu exceeds at no frequency.
 pub(super) struct Covered {
     /// The level.
     pub level: f64,
-    /// Where it was raised last, or the frequency given.
+    /// Frequency at which it was last raised, or the given frequency.
     pub critical: f64,
     /// Intervals used.
     pub intervals: usize,
 }
 
-/// Certified intervals until [0, ∞] is covered, at a level of at least `peak`, which was met at `critical`.
+/// Adds certified intervals until [0, ∞] is covered, at a level of at least `peak`, which was found at `critical`.
 pub(super) fn cover(
     m: &StateSpace,
     structure: &Structure,
@@ -42,7 +42,7 @@ pub(super) fn cover(
         .max(1e-6 * size)
         .max(f64::MIN_POSITIVE.sqrt());
     let mut critical = critical;
-    // Gaps still open, as pairs; the ends of the axis and the peak come first because they decide the level.
+    // Remaining gaps, as pairs; the ends of the axis and the peak come first because they determine the level.
     let mut open = vec![(0.0, f64::INFINITY)];
     let mut first = vec![f64::INFINITY, 0.0, critical];
     let mut used = 0;
@@ -56,8 +56,8 @@ pub(super) fn cover(
         }
         let omega = first.pop().unwrap_or_else(|| middle(a, b));
         used += 1;
-        // Tested is a lower level than the one claimed. Where mu reaches the claimed level the certificate is then violated by
-        // half the slack, far more than rounding can hide.
+        // The tested level is lower than the claimed one. Where mu reaches the claimed level the certificate is then violated by
+        // half the slack, far more than rounding error.
         let tested = level / (1.0 + 0.5 * options.slack);
         let steepest = Some(STEEPEST * level);
         let bound = bound_until(&m.at(omega), structure, 0.05 * options.slack, tested, steepest)?;
@@ -71,11 +71,11 @@ pub(super) fn cover(
         let low = confirmed(m, &bound.scalings, tested, omega, low)?;
         let high = confirmed(m, &bound.scalings, tested, omega, high)?;
         if high - low <= 1e-9 * high && high.is_finite() || low == high {
-            // Too thin to help: a slightly higher level opens it.
+            // Too narrow to help: a slightly higher level widens it.
             level *= 1.0 + options.slack;
             continue;
         }
-        // The intervals are closed, the gaps between them open.
+        // The intervals are closed sets, the gaps between them open sets.
         let mut rest = Vec::new();
         for (from, to) in open {
             if to <= low || from >= high {
@@ -98,8 +98,8 @@ pub(super) fn cover(
     })
 }
 
-/// The level at one frequency that is proved with G limited by that level itself. It lies above `low`, whose limit only proves
-/// `high`: a level far too low allows G next to nothing, and the bound is then that of complex parameters.
+/// The level at one frequency that is proved with G limited by that level itself. It lies above `low`; the limit at `low` only
+/// proves `high`: a level far too low forces G close to zero, and the bound is then that of complex parameters.
 fn consistent(
     m: &CMatrix,
     structure: &Structure,
@@ -111,7 +111,7 @@ fn consistent(
     while high > low * (1.0 + options.slack) {
         let trial = (low * high).sqrt();
         let proved = bound_until(m, structure, 0.05 * options.slack, 0.0, Some(STEEPEST * trial))?.value;
-        // More G proves less: what this limit proves is above the answer when it is above the trial, and below it otherwise.
+        // A larger limit of G proves a lower level: the proved level is above the answer if it is above the trial, and below it otherwise.
         if proved > trial {
             (low, high) = (trial, high.min(proved));
         } else {
@@ -183,8 +183,8 @@ fn valid_interval(m: &StateSpace, s: &Scalings, level: f64, omega: f64) -> Resul
     Ok((low, high))
 }
 
-/// The last point, on the way from `omega` to an end of its interval, up to which the certificate is seen to hold: a few points on
-/// the way, and one within a millionth of the end, so that no end rests on the accuracy of an eigenvalue.
+/// The last test point between `omega` and an end of its interval up to which the certificate is verified: a few points in between,
+/// and one within a millionth of the end, so that no end relies on the accuracy of an eigenvalue.
 fn confirmed(m: &StateSpace, s: &Scalings, level: f64, omega: f64, end: f64) -> Result<f64, LinalgError> {
     let way = [0.1, 0.3, 0.5, 0.7, 0.9, 1.0 - 1e-6];
     let points = way.map(|part| match (omega.is_finite(), end.is_finite()) {
@@ -199,7 +199,7 @@ fn confirmed(m: &StateSpace, s: &Scalings, level: f64, omega: f64, end: f64) -> 
         }
         last = point;
     }
-    // Zero and infinity belong to the axis and are reached themselves.
+    // Zero and infinity belong to the axis and are included.
     if (end == 0.0 || end.is_infinite()) && holds(&m.at(end), s, level)? {
         last = end;
     }
@@ -215,8 +215,8 @@ mod tests {
     use crate::mu::{Block, margin};
 
     /// Masses under delayed velocity feedback, `(M₀ + δ₁ S₁ + δ₂ S₂) v̇ = −K v(t − T)`, with the perturbation of `w = Δ z` and the
-    /// exact margin. M and K are symmetric, so the loop is as many scalar loops `λ e^(−jωT)/jω` with λ > 0: whatever δ, an
-    /// eigenvalue can reach the axis only at the one frequency where the phase crosses. There mu is a spike of no width.
+    /// exact margin. M and K are symmetric, so the loop decouples into scalar loops `λ e^(−jωT)/jω` with λ > 0: for any δ, an
+    /// eigenvalue can reach the axis only at the one phase-crossover frequency. There mu is a spike of zero width.
     fn delayed_masses(k: [f64; 3]) -> (StateSpace, Structure, f64) {
         let n = 3;
         let square = |e: &Matrix| e * e.transpose();
@@ -226,7 +226,7 @@ mod tests {
             factor([[0.7, 0.0, 0.4], [-0.6, 0.9, 0.0], [0.3, -0.4, 1.1]]),
         ];
         let share = square(&e[0]) + square(&e[1]);
-        // Every mass could be taken away tenfold and a little would remain.
+        // The nominal mass is ten times the uncertain shares plus a small remainder.
         let mass = &share * faer::Scale(10.0) + Matrix::identity(n, n) * faer::Scale(0.1);
         let gain = diagonal(&k);
         let delay = append(&vec![pade(0.025, 3).unwrap(); n]);
@@ -245,7 +245,7 @@ mod tests {
             c: e.transpose() * &inverse * &force,
             d: e.transpose() * &entering,
         };
-        // All masses equally light is the worst of equal size: bisection on the size until λ reaches the crossing frequency.
+        // The worst perturbation of a given size makes all masses equally light: bisection on the size until λ reaches the crossover.
         let phase_crosses = bisect(30.0, 100.0, |w| pade(0.025, 3).unwrap().at(w)[(0, 0)].re < 0.0);
         let fastest = |size: f64| {
             let lighter = &mass - &share * faer::Scale(size);
@@ -265,7 +265,7 @@ mod tests {
         low
     }
 
-    /// The proof finds a spike of no width by itself: it is told of a peak of next to nothing at a frequency far away.
+    /// The proof finds a spike of zero width by itself: its initial peak is close to zero and at a frequency far away.
     #[test]
     fn a_spike_between_two_certificates_is_not_missed() {
         for k in [

@@ -1,4 +1,4 @@
-//! The other side of a margin: perturbations that put an eigenvalue of the closed loop on the imaginary axis.
+//! Upper bounds of a margin: perturbations that place an eigenvalue of the closed loop on the imaginary axis.
 
 use super::lower::{lower_bound, mix, random_delta};
 use super::options::{Destabilising, MarginOptions};
@@ -8,7 +8,7 @@ use crate::linalg::{self, CMatrix, LinalgError, c64};
 use crate::rng::Rng;
 use crate::state_space::StateSpace;
 
-/// The closed loop's state matrix with `w = Δ z`, and what gradients need.
+/// The closed loop's state matrix with `w = Δ z`, and the factors that gradients need.
 fn closed(m: &StateSpace, delta: &CMatrix, k: f64) -> (CMatrix, CMatrix, CMatrix) {
     let scaled = CMatrix::from_fn(delta.nrows(), delta.ncols(), |i, j| delta[(i, j)] * k);
     let (b, c, d) = (
@@ -107,7 +107,7 @@ pub(super) fn destabilise(
             index,
         ));
     }
-    // Where the search along a ray begins: `bound` is only known on a grid, so nothing is taken for granted below either.
+    // Start of the search along a ray: `bound` is only known on a grid, so stability below it is not assumed either.
     let start = if bound > 0.0 { 0.999 / bound } else { 1.0 };
     for mut delta in seeds {
         let low = best.as_ref().map_or(start, |b| start.min(0.5 * b.size));

@@ -109,7 +109,7 @@ fn rise(m: &CMatrix, structure: &Structure, delta: &CMatrix) -> Result<Option<(f
     Ok(Some((values[at].re, structure.aligned(&row, &column))))
 }
 
-/// Scales Δ, and turns its complex blocks together, until `I − MΔ` is exactly singular.
+/// Scales Δ, and rotates the phase of its complex blocks together, until `I − MΔ` is exactly singular.
 fn make_singular(m: &CMatrix, structure: &Structure, delta: &CMatrix) -> Result<Option<Singular>, LinalgError> {
     let product = m * delta;
     let values = linalg::eigenvalues_complex(&product)?;

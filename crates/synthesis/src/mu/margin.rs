@@ -1,12 +1,12 @@
 //! Robust stability margins of a closed loop, with bounds that hold for all frequencies.
 //!
-//! Upper bound of μ over the axis: a scaling found at one frequency proves its bound on a whole interval, whose ends are
+//! Upper bound of μ over the axis: a scaling found at one frequency proves its bound on a whole interval, with ends at
 //! imaginary eigenvalues of a Hamiltonian matrix (the frequencies at which the certificate becomes singular). Intervals are
-//! added until they cover [0, ∞]; nothing between the points of a grid is left to luck (Lawrence, Tits and van Dooren 2000;
-//! Biannic and Ferreres 2005 use the same idea).
+//! added until they cover [0, ∞], so the bound also holds between grid points (Lawrence, Tits and van Dooren 2000; Biannic and
+//! Ferreres 2005 use the same idea).
 //!
-//! Lower bound: a perturbation that puts an eigenvalue of the closed loop on the imaginary axis, found by ascent on the
-//! spectral abscissa or on μ at the peak, and returned, so that anybody can apply it.
+//! Lower bound: a perturbation that places an eigenvalue of the closed loop on the imaginary axis, found by ascent on the
+//! spectral abscissa or on μ at the peak, and returned so that the caller can verify it.
 
 use super::cover::{STEEPEST, cover};
 use super::destabilise::destabilise;
@@ -17,7 +17,7 @@ use crate::linalg::{LinalgError, c64};
 use crate::norm;
 use crate::state_space::StateSpace;
 
-/// A stability margin: multiples of the stated uncertainty that are tolerated.
+/// A stability margin: tolerated multiples of the stated uncertainty.
 #[derive(Debug, Clone)]
 pub struct Margin {
     /// Every Δ in the set scaled by less than this leaves the loop stable: guaranteed for all frequencies.
@@ -50,11 +50,11 @@ pub fn margin(m: &StateSpace, structure: &Structure, options: &MarginOptions) ->
     let large = structure.scalings() > 100;
     grid.extend(frequency_grid(&poles, if large { 12 } else { 40 }));
     let mut curve = Vec::new();
-    // With many free scalings the whole curve would cost minutes. What counts is the peak: elsewhere any proof below the
-    // largest value so far will do, and the curve then shows that proof.
+    // With many free scalings the exact curve would take minutes. Only the peak matters: elsewhere any proof below the
+    // largest value so far suffices, and the curve then shows that proof.
     let mut highest = f64::NEG_INFINITY;
     if large {
-        // Where the plain gain is largest the peak is likely, and everything after it is quick.
+        // The peak is likely where the unstructured gain is largest, and all later frequencies are then fast.
         let mut order = grid
             .iter()
             .map(|&w| Ok((norm::gain_at(&m, w)?, w)))
@@ -71,7 +71,7 @@ pub fn margin(m: &StateSpace, structure: &Structure, options: &MarginOptions) ->
     curve.sort_by(|a, b| a.0.total_cmp(&b.0));
     refine_peak(&m, structure, &mut curve, if large { 3 } else { 16 })?;
     let (mut critical, mut peak) = top(&curve);
-    // What destabilises tells where the peak is: with real blocks it can be too narrow for any grid.
+    // The destabilising perturbation locates the peak: with real blocks it can be too narrow for any grid.
     let mut perturbation = destabilise(&m, structure, options, critical, peak)?;
     if let Some(p) = perturbation.as_ref().filter(|p| p.size * peak < 1.0) {
         let value = bound_at(&m, structure, p.omega, 1e-4, f64::NEG_INFINITY)?;
@@ -132,7 +132,7 @@ fn frequency_grid(poles: &[c64], points: u32) -> Vec<f64> {
     let mut grid: Vec<f64> = (0..points)
         .map(|i| low * (high / low).powf(f64::from(i) / f64::from(points - 1)))
         .collect();
-    // With few points asked for, equal weights of many poles need not be visited one by one either.
+    // When few points are requested, the many equal poles of the weights need not all be visited either.
     let stride = if points < 40 { 1 + guesses.len() / 12 } else { 1 };
     grid.extend(guesses.into_iter().step_by(stride));
     grid.sort_by(f64::total_cmp);

@@ -1,13 +1,13 @@
-//! What is asked of a margin, and what shows that it is no larger.
+//! Options of a margin computation, and the destabilising perturbation that bounds the margin.
 
 use crate::linalg::CMatrix;
 
-/// How to compute a margin.
+/// Options of a margin computation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarginOptions {
     /// Relative slack between the proved bound and the largest bound found on the grid: smaller needs more intervals.
     pub slack: f64,
-    /// Most certified intervals before giving up.
+    /// Maximum number of certified intervals.
     pub intervals: usize,
     /// Starts of the search for destabilising perturbations.
     pub starts: usize,

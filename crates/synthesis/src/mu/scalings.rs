@@ -14,7 +14,7 @@ use crate::linalg::{self, CMatrix, LinalgError, c64};
 pub struct Scalings {
     /// D on the outputs of M (columns of Δ), block diagonal, Hermitian positive definite.
     pub d_left: CMatrix,
-    /// D on the inputs of M (rows of Δ): the same numbers, repeated as the block's shape asks.
+    /// D on the inputs of M (rows of Δ): the same numbers, repeated according to the block's shape.
     pub d_right: CMatrix,
     /// G, Hermitian, zero outside real blocks; rows of Δ × columns of Δ.
     pub g: CMatrix,
@@ -45,7 +45,7 @@ pub(super) struct Centres<'a> {
     pub(super) parameters: Vec<Parameter>,
     /// Size of the D of every block.
     sizes: Vec<usize>,
-    /// G is kept between ± this many times D, where it is given.
+    /// If given, G is kept between ± this many times D.
     steepest: Option<f64>,
 }
 
@@ -102,8 +102,8 @@ impl<'a> Centres<'a> {
         }
     }
 
-    /// What must stay positive definite besides the certificate: D of every block, or, where G is limited, both distances of G
-    /// from its limit (and D with them).
+    /// Matrices that must stay positive definite besides the certificate: D of every block or, where G is limited, both distances
+    /// of G from its limit (which implies D).
     pub(super) fn barriers(&self) -> Vec<Barrier> {
         let mut out = Vec::new();
         for (block, (b, &size)) in self.structure.blocks().iter().zip(&self.sizes).enumerate() {
@@ -246,8 +246,8 @@ const ROUNDS: usize = 120;
 /// Blocks that do not fit the matrix, an eigenvalue iteration that does not converge.
 pub fn upper_bound(m: &CMatrix, structure: &Structure, tolerance: f64) -> Result<UpperBound, MuError> {
     let mut bound = bound_until(m, structure, tolerance, f64::NEG_INFINITY, None)?;
-    // The least value is where the certificate is singular, and rounding decides there. The value returned is one at which the
-    // certificate, evaluated as it stands, holds.
+    // At the least value the certificate is singular, and its sign is decided by rounding. The returned value is one at which the
+    // certificate, as evaluated, holds.
     let mut raised = 1e-12;
     while bound.value > 0.0 && raised < 1e-7 && !holds(m, &bound.scalings, bound.value)? {
         bound.value *= 1.0 + raised;
@@ -256,8 +256,8 @@ pub fn upper_bound(m: &CMatrix, structure: &Structure, tolerance: f64) -> Result
     Ok(bound)
 }
 
-/// As [`upper_bound`], but content with any proof of `enough` or less, which is also the level at which the scalings returned are
-/// then centred; `steepest` keeps G between ± that many times D.
+/// As [`upper_bound`], but any proof of `enough` or less suffices, which is also the level at which the returned scalings are then
+/// centred; `steepest` keeps G between ± that many times D.
 pub(super) fn bound_until(
     m: &CMatrix,
     structure: &Structure,
@@ -284,12 +284,12 @@ pub(super) fn bound_until(
     } else {
         f64::NEG_INFINITY
     };
-    // Every centre proves less than its level, so it is itself a point of the next domain, between the two. What was proved on
-    // the way to a centre may be less still, but another point proved it: a level taken from there has lost this one.
+    // Every centre proves less than its level, so it lies in the domain of the next level, between the two. An intermediate point
+    // may have proved an even lower level, but this centre need not lie in the domain of that level.
     let certain = m.nrows().max(m.ncols()) as f64;
     for _ in 0..ROUNDS {
         if best.0 < target {
-            // Enough is proved. The centre for that level has the most slack, which is what an interval needs.
+            // `enough` is proved. The centre for that level has the most slack, which an interval needs.
             x.clone_from(&best.1);
             centres.centre(&mut x, target, 30)?;
             let value = centres.proved(&x)?;
@@ -315,7 +315,7 @@ pub(super) fn bound_until(
                 break;
             }
         } else if before - proved <= 1e-3 * tolerance * proved && level - proved <= tolerance * proved {
-            // Rounding keeps the centre from being reached, and what is left is below what was asked for.
+            // Rounding prevents the centre from being reached, and the remaining gap is below the requested accuracy.
             break;
         }
         let resolved = level - proved > 4.0 * f64::EPSILON * level;

@@ -36,7 +36,7 @@ impl Block {
     }
 }
 
-/// Why a structured singular value cannot be computed.
+/// Errors of computing a structured singular value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MuError {
     /// The blocks do not fit the matrix.
@@ -56,7 +56,7 @@ pub enum MuError {
     /// A block without rows or columns, or no block at all.
     #[error("the uncertainty has an empty block")]
     Empty,
-    /// The nominal system is not stable: there is no margin to speak of.
+    /// The nominal system is not stable: no margin exists.
     #[error("the nominal system is not stable (spectral abscissa {0:.6e})")]
     Unstable(f64),
     /// The frequency axis could not be covered within the limit.
@@ -77,9 +77,9 @@ pub enum MuError {
          this is a defect of the analysis, and neither number can be trusted"
     )]
     Contradiction {
-        /// What was proved.
+        /// The proved margin.
         guaranteed: f64,
-        /// What was found.
+        /// The size of the perturbation found.
         destabilising: f64,
     },
     /// A matrix computation failed.

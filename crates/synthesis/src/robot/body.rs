@@ -1,37 +1,37 @@
-//! The tree in one situation: mass matrix, linearised velocity dynamics, and how mass depends on the uncertain parameters.
+//! The tree in one situation: mass matrix, linearised velocity dynamics, and the mass matrix's dependence on uncertain parameters.
 
 use multibody::{Description, DynState, DynTree, Quaternion};
 
 use super::spec::{ModelSpec, RobotSpec, Spec};
 use crate::linalg::{self, LinalgError, Matrix};
 
-/// Why a robot cannot be linearised or its problem not be formed.
+/// Errors of linearising a robot or forming its problem.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RobotError {
-    /// The description was refused.
+    /// The description is invalid.
     #[error("the robot description: {0}")]
     Description(String),
     /// A list of the specification has the wrong length.
     #[error("{what} has {found} entries, the robot has {expected} channels")]
     Length {
-        /// Which list.
+        /// Name of the list.
         what: &'static str,
         /// Entries found.
         found: usize,
         /// Entries needed.
         expected: usize,
     },
-    /// A number of the specification is impossible.
+    /// A number of the specification is invalid.
     #[error("{what} = {value}: {reason}")]
     Value {
-        /// Which number.
+        /// Name of the number.
         what: String,
         /// Its value.
         value: f64,
-        /// What is wrong with it.
+        /// The reason.
         reason: &'static str,
     },
-    /// A situation at an instant of a run that nothing has looked up.
+    /// A situation at an instant of a run that has not been looked up.
     #[error("models: `{model}` has no joints_deg, and its `at = {at:?}` has not been looked up")]
     NotLookedUp {
         /// The situation.
@@ -55,7 +55,7 @@ pub enum RobotError {
 pub struct Body {
     /// Number of actuated channels: 6 + joints.
     pub channels: usize,
-    /// Mass matrix of the actuated channels as the controller knows it in this situation (propellant as a lump), n × n.
+    /// Mass matrix of the actuated channels in the controller's model for this situation (propellant as a rigid mass), n × n.
     pub mass: Matrix,
     /// Velocity dynamics `v̇ = a v + b f`, n_v × n_v.
     pub a: Matrix,
@@ -81,7 +81,7 @@ impl Robot {
         Self::from_description(description, spec)
     }
 
-    /// A robot from a description, to whose rotors those of the spec are added.
+    /// A robot from a description; the rotor inertias of the spec are added to the description's.
     ///
     /// # Errors
     /// Unknown names.
@@ -102,7 +102,7 @@ impl Robot {
             spec: spec.clone(),
             joints: actuated.len(),
         };
-        // Unknown link and joint names surface now, not in the middle of a search.
+        // Report unknown link and joint names now, not in the middle of a search.
         robot.tree(&ModelSpec::nominal(vec![0.0; robot.joints]), true)?;
         Ok(robot)
     }
@@ -116,7 +116,7 @@ impl Robot {
         let refused = |e: &dyn std::fmt::Display| RobotError::Description(e.to_string());
         let mut d = self.description.clone();
         let base = &self.spec.base_link;
-        // `scale_mass` scales the inertia along; the second factor leaves the wanted one.
+        // `scale_mass` also scales the inertia; the second factor corrects it to the requested one.
         d.scale_mass(base, model.base_mass).map_err(|e| refused(&e))?;
         d.scale_inertia(base, model.base_inertia / model.base_mass)
             .map_err(|e| refused(&e))?;
@@ -134,7 +134,7 @@ impl Robot {
         DynTree::new(&d, true).map_err(|e| refused(&e))
     }
 
-    /// The mass matrix of one tree with the payload's share, at this configuration.
+    /// The mass matrix of one tree with the payload's contribution, at this configuration.
     fn mass(&self, tree: &DynTree, state: &DynState, model: &ModelSpec) -> Result<Matrix, RobotError> {
         let (m, _) = tree.mass_and_coriolis(state);
         let mut mass = Matrix::from_fn(m.rows, m.cols, |i, j| m[(i, j)]);
@@ -183,8 +183,8 @@ impl Robot {
                 slope[(6 + c, 6 + c)] -= body.damping;
             }
         }
-        // The actuated joints come first in the description of a robot whose slosh joints are declared last; otherwise the
-        // order of the joints decides, so pick by name.
+        // The actuated joints come first if the slosh joints are declared last in the description; otherwise the order of the
+        // joints differs, so select by name.
         let order = self.order(&tree);
         let pick = |m: &Matrix| Matrix::from_fn(nv, nv, |i, j| m[(order[i], order[j])]);
         let a = pick(&(&inverse * &slope));
@@ -351,7 +351,7 @@ impl Spec {
     /// Checks every list and number against a robot of `n` channels.
     ///
     /// # Errors
-    /// The first thing found wrong.
+    /// The first error found.
     pub fn check(&self, n: usize) -> Result<(), RobotError> {
         let lists: [(&'static str, &[f64]); 5] = [
             ("scales.velocity", &self.scales.velocity),
@@ -372,7 +372,7 @@ impl Spec {
                     expected: n,
                 });
             }
-            // Start gains have their own message, from the tuner, because they are matrices there.
+            // Start gains are checked by the tuner, with its own message, because they are matrices there.
             if let Some(&value) = list
                 .iter()
                 .find(|x| !(what.starts_with("gains") || x.is_finite() && **x > 0.0))

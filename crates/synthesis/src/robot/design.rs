@@ -1,4 +1,4 @@
-//! The whole procedure: tune, report at the higher order, validate, let the adversary add models, repeat.
+//! The design procedure: tune, report at the higher order, validate, add models found by the adversary, repeat.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,7 +12,7 @@ use crate::full_order::{FullOrderError, full_order_optimum};
 use crate::linalg::{self, Matrix};
 use crate::tuner::{Evaluation, Flow, Options, Problem, Progress, Tuned, evaluate, tune};
 
-/// What the procedure is doing.
+/// Stage of the procedure.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Step {
     /// Tuning.
@@ -30,17 +30,17 @@ pub struct Design {
     pub gains: Gains,
     /// The problem that was tuned, adversary's models included, at the tuning order.
     pub problem: Problem,
-    /// What the tuner said.
+    /// The tuner's result.
     pub tuned: Tuned,
     /// The same problem and gains at the reporting order.
     pub reported_problem: Problem,
     /// Norms there.
     pub reported: Evaluation,
-    /// The validation, if the specification asks for one.
+    /// The validation, if the specification requests one.
     pub validation: Option<Validation>,
     /// Models that the adversary added.
     pub adversary: Vec<ModelSpec>,
-    /// How it went, round by round.
+    /// Summary of each round.
     pub rounds: Vec<Round>,
 }
 
@@ -48,7 +48,7 @@ pub struct Design {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Round {
-    /// Models tuned for.
+    /// Number of models tuned for.
     pub models: usize,
     /// Gamma on them.
     pub gamma: f64,
@@ -89,9 +89,9 @@ fn to_gains(spec: &Spec, blocks: &[Matrix]) -> Gains {
 
 /// Runs the procedure. `watch` may stop it; the best gains so far are then returned without another round.
 ///
-/// Tuned first for the models of the specification alone. While the validation set does not pass, the adversary adds models and the
-/// gains are tuned again, from where they are and not to the end, because more models are coming; once it passes, to the end, and
-/// it is validated again.
+/// The gains are first tuned for the models of the specification alone. While the validation set does not pass, the adversary adds
+/// models and the gains are re-tuned from their present values, with a limited number of iterations because more models will follow;
+/// once it passes, they are tuned to convergence and validated again.
 ///
 /// # Errors
 /// A specification that does not fit, a plant that cannot be stabilised, no stabilising gain found.
@@ -194,20 +194,20 @@ pub fn report(
     Ok((problem, evaluation))
 }
 
-/// Why the full-order optimum of a specification cannot be computed.
+/// Errors of computing the full-order optimum of a specification.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum OptimumError {
-    /// The robot or the specification.
+    /// An error of the robot or the specification.
     #[error(transparent)]
     Robot(#[from] RobotError),
-    /// The computation.
+    /// An error of the computation.
     #[error(transparent)]
     FullOrder(#[from] FullOrderError),
 }
 
-/// The full-order optimum of the tracking channel of one model, at the tuning order: what any linear controller could reach
-/// there, as a bracket. Disturbances enter with a thousandth of their size: without them the integrators of the plant
-/// would be invisible zeros on the imaginary axis and the Riccati equations would have no solution.
+/// The full-order optimum of the tracking channel of one model, at the tuning order: a bracket of the least norm of any linear
+/// controller. Disturbances enter with a thousandth of their size: without them the integrators of the plant would be invisible
+/// zeros on the imaginary axis and the Riccati equations would have no solution.
 ///
 /// # Errors
 /// A specification that does not fit.

@@ -1,4 +1,4 @@
-//! The file of tuned gains, and the problem as plain matrices for somebody else's code.
+//! The file of tuned gains, and export of the problem as plain matrices for independent verification.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,10 +8,10 @@ use super::spec::{GainStructure, ModelSpec};
 use crate::linalg::{self, LinalgError, Matrix, diagonal};
 use crate::tuner::{Certificate, Evaluation, GainKind, Problem};
 
-/// Gains with where they come from.
+/// Gains with their provenance and verification results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GainsFile {
-    /// Where the gains come from.
+    /// Provenance of the gains.
     pub provenance: Provenance,
     /// The gains.
     pub gains: GainTable,
@@ -21,16 +21,16 @@ pub struct GainsFile {
     /// Norm of every channel at the reporting order.
     #[serde(default)]
     pub channels: Vec<ChannelEntry>,
-    /// Margins with their sets.
+    /// Margins with their uncertainty sets.
     #[serde(default)]
     pub margins: Vec<MarginEntry>,
-    /// The sampled loop.
+    /// Results of the sampled loop.
     #[serde(default)]
     pub sampled: Vec<SampledEntry>,
-    /// Flights in the non-linear simulator.
+    /// Closed-loop runs in the non-linear simulator.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub flown: Vec<FlownEntry>,
-    /// The full-order optimum of the tracking channel of every model, an adversary's included.
+    /// The full-order optimum of the tracking channel of every model, including the adversary's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub full_order: Vec<OptimumEntry>,
     /// The rounds of the adversary, when there were several.
@@ -44,7 +44,7 @@ pub struct GainsFile {
     pub adversary: Vec<ModelSpec>,
 }
 
-/// Where gains come from.
+/// Provenance of gains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
     /// Title of the specification.
@@ -97,7 +97,7 @@ pub struct GainTable {
     /// Diagonal of K_I; empty for a proportional law.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ki: Vec<f64>,
-    /// Diagonal of K_S, whose norm bounds the conditional integrator; empty when it is full or was not asked for.
+    /// Diagonal of K_S; its norm bounds the conditional integrator. Empty when K_S is full or was not requested.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ks: Vec<f64>,
     /// Rows of K_S where it is not diagonal.
@@ -111,7 +111,7 @@ pub enum NoSlidingGain {
     /// They have an integral part.
     #[error("were tuned with an integral part; K_S is tuned without one (gains.integral = false)")]
     Integral,
-    /// They follow the configuration.
+    /// They are scheduled with the configuration.
     #[error("are scheduled; the bound of the conditional integrator is a constant")]
     Scheduled,
 }
@@ -139,7 +139,7 @@ impl GainTable {
     /// Takes the K_P of `proportional` as K_S.
     ///
     /// # Errors
-    /// Gains with an integral part, or that follow the configuration.
+    /// Gains with an integral part, or scheduled gains.
     pub fn take_sliding_gain(&mut self, proportional: &GainTable) -> Result<(), NoSlidingGain> {
         if !proportional.ki.is_empty() {
             return Err(NoSlidingGain::Integral);
@@ -213,10 +213,10 @@ pub struct SampledEntry {
     pub delay_margin_s: f64,
 }
 
-/// One flight in the non-linear simulator, and what the linear analysis says of the same loop.
+/// One closed-loop run in the non-linear simulator, with the linear analysis of the same loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlownEntry {
-    /// Model whose configuration was flown, with nominal masses.
+    /// Model that gave the configuration of the run; masses are nominal.
     pub model: String,
     /// Delay of the measurement, and of the command, s.
     pub delay_s: f64,
@@ -224,30 +224,30 @@ pub struct FlownEntry {
     pub spectral_radius: f64,
     /// Whether the scenario's criteria were met.
     pub settled: bool,
-    /// Part of the controller's samples in which an actuator was asked for more than it has.
+    /// Fraction of the controller's samples in which a command exceeded an actuator's limit.
     pub saturated_fraction: f64,
 }
 
 impl FlownEntry {
-    /// Whether the simulator contradicts the linear analysis: it claims stability and the flight did not settle.
+    /// Whether the simulator contradicts the linear analysis: the analysis predicts stability and the run did not settle.
     pub fn contradicts(&self) -> bool {
         self.spectral_radius < 1.0 && !self.settled
     }
 }
 
-/// What any linear controller could reach in the tracking channel of one model.
+/// Full-order optimum of the tracking channel of one model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OptimumEntry {
     /// Model.
     pub model: String,
-    /// No controller reaches this.
+    /// No controller attains this norm.
     pub unreachable: f64,
-    /// Some controller reaches this.
+    /// Some controller attains this norm.
     pub reachable: f64,
 }
 
 impl OptimumEntry {
-    /// From the two ends.
+    /// Builds it from the two ends of the bracket.
     pub fn new(model: &str, (unreachable, reachable): (f64, f64)) -> Self {
         Self {
             model: model.to_owned(),
@@ -257,7 +257,7 @@ impl OptimumEntry {
     }
 }
 
-/// The validation set in brief.
+/// Summary of the validation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ValidationEntry {
     /// Samples.
@@ -273,10 +273,10 @@ pub struct ValidationEntry {
     pub histogram: Vec<(f64, usize)>,
 }
 
-/// The problem as plain matrices: what an independent implementation needs to recompute the claim.
+/// The problem as plain matrices, sufficient for an independent implementation to recompute the claim.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ExportedProblem {
-    /// What the fields mean.
+    /// Meaning of the fields.
     pub about: String,
     /// The claimed largest channel norm.
     pub gamma: f64,
@@ -340,7 +340,7 @@ pub struct ExportedChannel {
     pub omega_rad_s: f64,
 }
 
-/// Exports a problem with its gains and what is claimed of them.
+/// Exports a problem with its gains and their claimed norms.
 pub fn export(
     problem: &Problem,
     gains: &[Matrix],

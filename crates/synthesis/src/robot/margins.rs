@@ -1,4 +1,4 @@
-//! The loops whose structured singular value says how much the tuned gains tolerate.
+//! Robustness margins of the tuned gains: the uncertain loops for structured-singular-value analysis.
 
 use super::body::{Robot, RobotError};
 use super::plant::{Gains, actuation};
@@ -8,13 +8,13 @@ use crate::linalg::{self, Matrix, diagonal};
 use crate::mu::{Block, Margin, MarginOptions, MuError, Structure, margin};
 use crate::state_space::StateSpace;
 
-/// Why margins cannot be computed.
+/// Errors of computing margins.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MarginError {
-    /// The robot or the specification.
+    /// An error of the robot or the specification.
     #[error(transparent)]
     Robot(#[from] RobotError),
-    /// The analysis.
+    /// An error of the analysis.
     #[error(transparent)]
     Mu(#[from] MuError),
     /// Parametric errors are errors of the mass matrix; away from rest they would enter the Coriolis terms too.

@@ -1,4 +1,4 @@
-//! The generalised plant of the velocity loop, and the tuning problem made of it.
+//! The generalised plant of the velocity loop, and the tuning problem built from it.
 //!
 //! ```text
 //!            d̂ ─ D ─────┐
@@ -8,8 +8,8 @@
 //!           └───────────────────────────────────────────────────────┘
 //! ```
 //!
-//! r̂ stands for a change of the reference and for measurement noise alike: both enter the error. V, F and D are the sizes
-//! of velocity, force and disturbance. Channel "tracking" leads from r̂ to (z₁, z₂), channel "load" from d̂ to z₃.
+//! r̂ represents both a change of the reference and measurement noise: both enter the error. V, F and D are the sizes of
+//! velocity, force and disturbance. Channel "tracking" leads from r̂ to (z₁, z₂), channel "load" from d̂ to z₃.
 
 use super::body::{Body, Robot, RobotError};
 use super::spec::{GainStructure, LoadSpec, ModelSpec, Spec};

@@ -1,14 +1,14 @@
-//! The loop as it will run: a sampled controller, delays in ticks of the plant's period, an exactly discretised plant.
+//! The loop as implemented: a sampled controller, delays in ticks of the plant's period, an exactly discretised plant.
 //!
 //! Over one controller period the whole loop is a linear map of its state (velocities, actuator lags, samples in transit,
-//! integrators). Its spectral radius decides stability exactly; no Padé approximant and no continuous hold enter.
+//! integrators). Its spectral radius decides stability exactly, without a Padé approximant or an approximation of the hold.
 
 use super::body::{Body, Robot, RobotError};
 use super::plant::Gains;
 use super::spec::{ModelSpec, SamplingSpec, Spec};
 use crate::linalg::{self, Matrix};
 
-/// What the sampled loop shows.
+/// Stability results of the sampled loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sampled {
     /// Spectral radius of the map over one controller period; stable below one.
@@ -26,9 +26,9 @@ pub struct Sampled {
 pub struct LoopTiming {
     /// Period of the controller, s.
     pub controller_period_s: f64,
-    /// Raster of the delays, s: the controller's period is a whole multiple of it.
+    /// Time quantum of the delays, s: the controller's period is an integer multiple of it.
     pub tick_s: f64,
-    /// Age of the state that the controller reads, s; rounded up to whole ticks.
+    /// Age of the state read by the controller, s; rounded up to whole ticks.
     pub sensor_delay_s: f64,
     /// Time from that reading to the instant at which the command acts, s; rounded up to whole ticks.
     pub command_delay_s: f64,
@@ -49,7 +49,7 @@ impl LoopTiming {
     }
 }
 
-/// One tick of the plant with its actuator lags, for a held command.
+/// One tick of the plant with its actuator lags, under a zero-order hold of the command.
 #[derive(Debug, Clone)]
 struct Tick {
     transition: Matrix,
@@ -90,7 +90,7 @@ impl Tick {
 /// The map over one controller period, for `kp`, `ki` (per tick; without columns for a proportional law) and the given delays
 /// in ticks.
 ///
-/// Only what the controller will read, and only commands still to be applied, are states: one sample per period in transit,
+/// Only samples that the controller will read, and commands still to be applied, are states: one sample per period in transit,
 /// however fine the ticks.
 fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, actuator: usize) -> Matrix {
     let (n, s) = (t.channels, t.states);
@@ -150,12 +150,12 @@ fn radius(m: &Matrix) -> Result<f64, RobotError> {
     Ok(values.iter().map(|l| l.norm()).fold(0.0, f64::max))
 }
 
-/// Ticks of the plant in a time, rounded up: a sample that is late by a fraction of a tick is seen at the next one.
+/// Ticks of the plant in a time, rounded up: a sample that is late by a fraction of a tick is read at the next one.
 fn ticks(time: f64, period: f64) -> usize {
     (time / period - 1e-9).ceil().max(0.0) as usize
 }
 
-/// The sampled loop in one situation, ready for its stability to be asked for.
+/// The sampled loop in one situation, prepared for stability queries.
 #[derive(Debug, Clone)]
 pub struct SampledLoop {
     tick: Tick,
@@ -186,7 +186,7 @@ impl SampledLoop {
         Ok(Self {
             tick: Tick::new(timing, body)?,
             kp: kp.clone(),
-            // The integrator's state is the sum of errors per tick: K_I takes the tick along.
+            // The integrator's state is the sum of errors per tick: K_I is multiplied by the tick.
             ki: ki * faer::Scale(timing.tick_s),
             period: ratio.round() as usize,
             sensor: ticks(timing.sensor_delay_s, timing.tick_s),
@@ -217,7 +217,7 @@ impl SampledLoop {
     }
 
     /// Whether this spectral radius is that of a stable loop. Slosh is free to drift and the samples in transit are nilpotent; a
-    /// marginal mode of the uncontrolled part is not one of the loop. One is allowed to the accuracy of the eigenvalues.
+    /// marginal mode of the uncontrolled part is not a mode of the loop. A radius of one is accepted to the accuracy of the eigenvalues.
     pub fn is_stable(radius: f64) -> bool {
         radius < 1.0 + 1e-9
     }

@@ -1,14 +1,14 @@
-//! The specification of a tuning problem for the velocity loop of a free-flying robot, as it stands in a file.
+//! File format of the specification of a tuning problem for the velocity loop of a free-flying robot.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Everything that defines the problem. Fixed before tuning; gamma is reported against it, whatever comes out.
+/// Complete definition of the problem. Fixed before tuning; gamma is always reported against it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spec {
-    /// What this is, one line.
+    /// Title, one line.
     pub title: String,
     /// The tree.
     pub robot: RobotSpec,
@@ -18,11 +18,11 @@ pub struct Spec {
     pub scales: ScaleSpec,
     /// Weights.
     pub weights: WeightSpec,
-    /// The structure of the gains and where to start.
+    /// The structure and the start values of the gains.
     pub gains: GainSpec,
-    /// The situations the gains must serve.
+    /// The situations for which the gains are tuned.
     pub models: Vec<ModelSpec>,
-    /// How to search.
+    /// Options of the search.
     #[serde(default)]
     pub search: SearchSpec,
     /// Uncertainty for the margins.
@@ -30,19 +30,19 @@ pub struct Spec {
     /// The random set against which tuned gains are validated, and the adversary.
     #[serde(default)]
     pub validation: ValidationSpec,
-    /// Flights in the non-linear simulator; none when left out.
+    /// Closed-loop runs in the non-linear simulator; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flight: Option<FlightSpec>,
 }
 
-/// Flights of the tuned gains in a scenario, over the configurations of the models and some delays. The scenario says itself when
-/// it has gone well.
+/// Closed-loop runs of the tuned gains in a scenario, over the configurations of the models and some delays. The scenario's own
+/// criteria decide whether a run passes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlightSpec {
     /// The scenario, a file.
     pub scenario: String,
-    /// Delays, s: each is put into every one of `delay_keys`.
+    /// Delays, s: each value is written to all of `delay_keys`.
     pub delays_s: Vec<f64>,
     /// Key of the controller's gains.
     #[serde(default = "gains_key")]
@@ -53,7 +53,7 @@ pub struct FlightSpec {
     /// Keys of the delays of measurement and command.
     #[serde(default = "delay_keys")]
     pub delay_keys: Vec<String>,
-    /// What is set besides for gains without an integral part.
+    /// Additional settings for gains without an integral part.
     #[serde(default = "proportional")]
     pub proportional: Vec<String>,
 }
@@ -132,7 +132,7 @@ impl SamplingSpec {
 pub struct ScaleSpec {
     /// Velocity error of size one.
     pub velocity: Vec<f64>,
-    /// Force of size one: what the loop may spend.
+    /// Force of size one: the authority of the loop.
     pub authority: Vec<f64>,
     /// Disturbance force of size one.
     pub disturbance: Vec<f64>,
@@ -192,8 +192,8 @@ pub struct GainSpec {
     /// Start of the diagonal of K_I (N m/rad, N/m); empty without integral part.
     #[serde(default)]
     pub start_ki: Vec<f64>,
-    /// A file of gains tuned without an integral part, whose K_P is the K_S of the conditional integrator: its norm bounds the
-    /// feedback (Eq 7). It is copied beside the tuned gains; the loop below saturation does not know it.
+    /// A file of gains tuned without an integral part; its K_P becomes the K_S of the conditional integrator, and its norm bounds the
+    /// feedback (Eq 7). It is copied to the tuned gains; the loop below saturation does not depend on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ks: Option<String>,
 }
@@ -207,8 +207,8 @@ pub struct ModelSpec {
     /// Joint angles, deg. A specification gives these or `at`; a file of gains has both.
     #[serde(default)]
     pub joints_deg: Vec<f64>,
-    /// `RUN:TIME`: the joint angles are those of a recorded run, or of a scenario flown for the purpose, at this instant. Looking
-    /// them up is the caller's part; without `joints_deg` the situation is refused.
+    /// `RUN:TIME`: the joint angles are those of a recorded run, or of a scenario run for this purpose, at this instant. The caller
+    /// looks them up; without `joints_deg` the situation is rejected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<String>,
     /// Factor on the base's mass (inertia unchanged).
@@ -229,8 +229,8 @@ pub struct ModelSpec {
     /// A rigid body held by the end effector.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub payload: Option<Payload>,
-    /// Sizes of velocity errors in this situation, in place of `scales.velocity`: a held payload turns the same error into
-    /// another momentum.
+    /// Sizes of velocity errors in this situation, in place of `scales.velocity`: with a held payload the same error corresponds to
+    /// a different momentum.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub error_sizes: Vec<f64>,
     /// Whether the propellant is free to slosh (the joints frozen in the controller's model move, unactuated).
@@ -257,7 +257,7 @@ pub struct Payload {
     pub inertia_kg_m2: [f64; 3],
 }
 
-/// How to search.
+/// Options of the search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SearchSpec {
@@ -301,7 +301,7 @@ pub struct UncertaintySpec {
     pub multiplicative_low: f64,
     /// The same at high frequency.
     pub multiplicative_high: f64,
-    /// Frequency at which it has risen half way, rad/s.
+    /// Frequency at which the error has risen halfway, rad/s.
     pub multiplicative_cutoff_rad_s: f64,
 }
 

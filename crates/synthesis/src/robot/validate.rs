@@ -1,4 +1,4 @@
-//! Validation on random situations, and the adversary, who looks for bad ones and turns them into models.
+//! Validation on random situations, and the adversary: a search for bad situations, which become additional models.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -10,7 +10,7 @@ use crate::parallel;
 use crate::rng::Rng;
 use crate::tuner::{TuneError, evaluate};
 
-/// One random situation and how the gains do in it.
+/// One random situation and the performance of the gains in it.
 #[derive(Debug, Clone)]
 pub struct Sample {
     /// The situation.
@@ -27,7 +27,7 @@ impl Sample {
         self.spectral_radius < 1.0 && self.gamma.is_finite()
     }
 
-    /// Order of badness: unstable ones by radius, the others by gamma.
+    /// Ranking: unstable samples by spectral radius, the others by gamma.
     fn badness(&self) -> f64 {
         if self.stable() {
             self.gamma
@@ -83,13 +83,13 @@ impl Validation {
     }
 }
 
-/// Why a validation failed to run.
+/// Errors of running a validation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ValidateError {
-    /// The robot or the specification.
+    /// An error of the robot or the specification.
     #[error(transparent)]
     Robot(#[from] RobotError),
-    /// A tuning problem that does not fit together.
+    /// An inconsistent tuning problem.
     #[error(transparent)]
     Tune(#[from] TuneError),
 }
@@ -110,7 +110,7 @@ pub fn draw(spec: &Spec, index: u64) -> ModelSpec {
     model
 }
 
-/// How the gains do in one situation.
+/// Assesses the gains in one situation.
 ///
 /// # Errors
 /// An impossible situation.
@@ -132,7 +132,7 @@ pub fn assess(
     })
 }
 
-/// Assesses the gains on the whole validation set; `watch` is told how many samples are done.
+/// Assesses the gains on the whole validation set; `watch` receives the number of completed samples.
 ///
 /// # Errors
 /// An impossible specification.
@@ -170,8 +170,8 @@ fn pool(
     Ok(samples)
 }
 
-/// The adversary's search in round `round`: random situations of its own, which are not those of the validation set, the worst few
-/// made worse still.
+/// The adversary's search in round `round`: separate random situations, not those of the validation set; the worst few are made worse
+/// by a local search.
 ///
 /// # Errors
 /// An impossible specification.
@@ -196,7 +196,7 @@ pub fn adversary(
 /// Steps of the adversary's local search.
 const TRIES: usize = 20;
 
-/// Makes a bad situation worse: random steps inside the ranges of the validation set that are kept when they hurt.
+/// Makes a bad situation worse: random steps inside the ranges of the validation set, accepted when performance deteriorates.
 ///
 /// # Errors
 /// An impossible specification.
@@ -226,7 +226,7 @@ fn worsen(spec: &Spec, robot: &Robot, gains: &Gains, worst: &Sample, tries: usiz
     Ok(worst)
 }
 
-/// Sampled stability of every model of the specification, with slosh where `slosh` asks for it.
+/// Sampled stability of every model of the specification, with slosh according to `slosh`.
 ///
 /// # Errors
 /// An impossible specification.

@@ -1,13 +1,13 @@
 //! The finishing phase: a proximal bundle method on the smooth pieces of the objective.
 //!
-//! BFGS gets close to a nonsmooth minimum but ends on a kink it cannot name. Here all pieces near the top (other channels,
-//! other peaks, other singular values, and pieces seen at nearby points) enter one quadratic program, whose solution is a
-//! step that lowers them together (Apkarian, Noll and Prot 2008; Kiwiel 1985 for the bundle management).
+//! BFGS gets close to a nonsmooth minimum but stalls at a kink that it cannot identify. Here all pieces near the maximum (other
+//! channels, other peaks, other singular values, and pieces found at nearby points) enter one quadratic program; its solution
+//! is a step that lowers them together (Apkarian, Noll and Prot 2008; Kiwiel 1985 for the bundle management).
 
 use super::objective::Piece;
 use super::qp::{combine, dot, length, simplex_qp};
 
-/// What a bundle phase evaluates: the value and the pieces near the top, in the same units.
+/// Evaluation in a bundle phase: the value and the pieces near the maximum, in the same units.
 pub(crate) type Pieces<E> = Result<(f64, Vec<Piece>), E>;
 
 struct Cut {
@@ -17,7 +17,7 @@ struct Cut {
 }
 
 impl Cut {
-    /// Pieces that were seen at x.
+    /// Pieces found at x.
     fn of(pieces: Vec<Piece>, x: &[f64]) -> Vec<Cut> {
         pieces
             .into_iter()
@@ -29,15 +29,15 @@ impl Cut {
             .collect()
     }
 
-    /// Its linearisation at x, moved below the value there when curvature has put it above.
+    /// Its linearisation at x, shifted below the value there if curvature has put it above.
     fn at(&self, x: &[f64], value: f64) -> f64 {
         let d: Vec<f64> = x.iter().zip(&self.at).map(|(a, b)| a - b).collect();
         (self.value + dot(&self.gradient, &d)).min(value - 1e-3 * dot(&d, &d))
     }
 }
 
-/// Improves `x` (with its value and pieces) until the model promises less than `gain`, or `steps` evaluations. Lengths are
-/// measured in the inverse Hessian that BFGS has learnt (Lukšan and Vlček 1999): it knows which directions are steep.
+/// Improves `x` (with its value and pieces) until the model predicts less than `gain`, or for `steps` evaluations. Lengths are
+/// measured in BFGS's inverse Hessian approximation (Lukšan and Vlček 1999), which contains the steep directions.
 pub(crate) fn finish<E>(
     x: &mut Vec<f64>,
     (mut value, pieces): (f64, Vec<Piece>),
@@ -49,7 +49,7 @@ pub(crate) fn finish<E>(
 ) -> Result<f64, E> {
     let mut cuts = Cut::of(pieces, x);
     let most = 3 * x.len() / 2 + 40;
-    // A metric that is flat across a kink keeps the search from ever leaving it, so it gets a little of every direction.
+    // A metric that is flat across a kink would trap the search there, so a small multiple of the identity is added.
     let floor = 0.02 * (0..x.len()).map(|i| metric[i][i]).fold(0.0, f64::max);
     let times = |g: &[f64]| -> Vec<f64> {
         let rows = metric.iter().zip(g);
@@ -72,7 +72,7 @@ pub(crate) fn finish<E>(
         let step = times(&aggregate);
         let promised = -t * dot(&aggregate, &step) + dot(&level, &lambda);
         if -promised < gain {
-            // Little to gain at this step length; a longer one may see further, unless it was tried.
+            // Little predicted gain at this step length; try a longer one, unless it was tried before.
             if t * length(&step) > 0.5 || -promised < 0.01 * gain {
                 break;
             }
@@ -109,7 +109,7 @@ pub(crate) fn finish<E>(
     Ok(value)
 }
 
-/// Leaves at most `most` of the cuts, and all that carry weight. Of those that carry none the oldest go first.
+/// Keeps at most `most` of the cuts, and all with nonzero weight. Of those without weight the oldest are removed first.
 fn thin_out(cuts: &mut Vec<Cut>, weights: &[f64], most: usize) {
     let mut keep: Vec<bool> = weights.iter().map(|l| *l > 1e-6).collect();
     let mut room = most.saturating_sub(keep.iter().filter(|k| **k).count());

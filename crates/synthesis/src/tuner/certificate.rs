@@ -6,8 +6,8 @@ use crate::linalg::LinalgError;
 use crate::rng::Rng;
 
 /// Evidence of local optimality: the smallest convex combination of the gradients of ln γ in the tuner's parameters, over
-/// the pieces within `depth` of the top at the result and at points `radius` around it. A length of 0.01 says that to
-/// first order no unit step of the parameters (a factor e of a positive gain) promises more than about one per cent.
+/// the pieces within `depth` of the maximum at the result and at points `radius` around it. A length of 0.01 means that to
+/// first order no unit step of the parameters (a factor e of a positive gain) gains more than about one per cent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Certificate {
     /// Length of that smallest element.
@@ -16,11 +16,11 @@ pub struct Certificate {
     pub steepest: f64,
     /// Number of gradients.
     pub gradients: usize,
-    /// Number of them that carry weight above 1e-4.
+    /// Number of them with a weight above 1e-4.
     pub active: usize,
     /// Radius of the neighbourhood in parameter space.
     pub radius: f64,
-    /// How far below the top a piece may lie, relative.
+    /// Relative distance below the maximum within which a piece counts.
     pub depth: f64,
 }
 
@@ -69,7 +69,7 @@ pub(super) fn certify(objective: &mut Objective<'_>, x: &[f64], seed: u64) -> Re
         if found.length <= ENOUGH {
             return Ok(found);
         }
-        // A wider neighbourhood must earn its place by being much better.
+        // A wider neighbourhood is preferred only if it is much better.
         if best.as_ref().is_none_or(|b| found.length < 0.2 * b.length) {
             best = Some(found);
         }
@@ -80,5 +80,5 @@ pub(super) fn certify(objective: &mut Objective<'_>, x: &[f64], seed: u64) -> Re
 /// A certificate that needs no wider neighbourhood.
 const ENOUGH: f64 = 1e-3;
 
-/// Most gradients of a certificate: the quadratic program grows with the third power of their number.
+/// Maximum number of gradients of a certificate: the cost of the quadratic program grows with the third power of their number.
 const MOST: usize = 400;

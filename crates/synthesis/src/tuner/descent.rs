@@ -5,7 +5,7 @@ use super::qp::{dot, length};
 /// One evaluation: the value (may be infinite) and the gradient (empty when the value is only known to be too high).
 pub(crate) type Evaluation<E> = Result<(f64, Vec<f64>), E>;
 
-/// When to end a descent.
+/// Termination criteria of a descent.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     /// Iterations.
@@ -16,8 +16,8 @@ pub(crate) struct Limits {
     pub(crate) window: usize,
 }
 
-/// Minimises `f` from `x` (value `fx`, gradient `gx`). `f(x, ceiling)` may give up above `ceiling`. `watch(x, value)` is
-/// called after every accepted step and ends the descent by returning false. `metric` is what an earlier descent has learnt.
+/// Minimises `f` from `x` (value `fx`, gradient `gx`). `f(x, ceiling)` may stop early above `ceiling`. `watch(x, value)` is
+/// called after every accepted step and ends the descent by returning false. `metric` is the inverse Hessian of an earlier descent.
 pub(crate) fn bfgs<E>(
     x: &mut Vec<f64>,
     fx: f64,
@@ -76,7 +76,7 @@ pub(crate) fn bfgs<E>(
     Ok((value, inverse))
 }
 
-/// The inverse Hessian that a descent has learnt.
+/// The inverse Hessian approximation of a descent.
 pub(crate) type Metric = Vec<Vec<f64>>;
 
 pub(crate) fn identity(n: usize, scale: f64) -> Vec<Vec<f64>> {

@@ -58,7 +58,7 @@ pub struct GainBlock {
     pub unit: f64,
 }
 
-/// Why a gain block is refused.
+/// Errors of a gain block.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GainError {
     /// The start value has the wrong shape.
@@ -77,7 +77,7 @@ pub enum GainError {
         /// Columns needed.
         expected_columns: usize,
     },
-    /// A positive (definite) gain starts from a value that is not.
+    /// The start value of a positive (definite) gain is not positive (definite).
     #[error("gain {name}: the start value is not positive definite (least eigenvalue {least:.6e})")]
     NotPositiveDefinite {
         /// Name of the gain.
@@ -110,7 +110,7 @@ pub enum GainError {
     Linalg(#[from] LinalgError),
 }
 
-/// A validated block with what its parametrisation needs.
+/// A validated block with the data of its parametrisation.
 #[derive(Debug, Clone)]
 pub(crate) struct Parametrised {
     pub(crate) block: GainBlock,
@@ -182,7 +182,7 @@ impl Parametrised {
         Ok(Self { block, factor })
     }
 
-    /// Whether a parameter is a logarithm or a factor of a positive gain (as against an additive entry).
+    /// Whether a parameter is a logarithm or a factor of a positive gain (as opposed to an additive entry).
     pub(crate) fn relative(&self) -> bool {
         !matches!(self.block.kind, GainKind::Full { .. })
     }
@@ -208,7 +208,7 @@ impl Parametrised {
         }
     }
 
-    /// The gradient in the parameters of a function whose gradient in X is `g` (same shape as X).
+    /// Maps the gradient `g` of a function in X (same shape as X) to the gradient in the parameters.
     pub(crate) fn pull_back(&self, x: &[f64], g: &Matrix, out: &mut [f64]) {
         match &self.block.kind {
             GainKind::Full { rows, columns } => {

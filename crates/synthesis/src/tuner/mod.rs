@@ -3,13 +3,13 @@
 //!
 //! 1. **Stabilise**: descend on the spectral abscissa until every model is stable (Burke, Henrion, Lewis, Overton 2006).
 //! 2. **Descend** on the logarithm of the largest norm by BFGS with a weak Wolfe line search.
-//! 3. **Finish** with a bundle of the active pieces, in the metric that 2 has learnt, and go back to 2 while that helps.
+//! 3. **Finish** with a bundle of the active pieces, in the metric from 2, and return to 2 while that improves the result.
 //! 4. **Certify**: the smallest element of the convex hull of the active gradients.
 //!
-//! Growing gains have a small price, so that an infimum at infinite gain does not draw the search to where rounding decides;
-//! the [`Verdict`] says when a result is no optimum.
+//! Growing gains are slightly penalised, so that an infimum at infinite gain does not lead the search to where rounding decides;
+//! the [`Verdict`] reports when a result is no optimum.
 //!
-//! Several starts, each its own deterministic run; threads only decide when a run happens, never what it does.
+//! Several starts, each a separate deterministic run; threads affect only when a run is executed, never its result.
 
 mod bundle;
 mod certificate;

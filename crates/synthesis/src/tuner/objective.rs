@@ -1,4 +1,4 @@
-//! The two functions that are minimised, with their gradients: the spectral abscissa and the largest channel norm.
+//! The two objectives, with their gradients: the spectral abscissa and the largest channel norm.
 //!
 //! Gradients of the norm: at a peak ω with singular vectors u, v of the closed loop T(jω), `dσ = Re(uᴴ dT v)` and
 //! `dT = G₁₂ dK G₂₁`, where G₂₁ leads from w to y and G₁₂ from a disturbance added to u to z, both in closed loop
@@ -29,7 +29,7 @@ impl Piece {
     }
 }
 
-/// The closed loop of one model with what gradients need.
+/// The closed loop of one model with the data that gradients need.
 pub(super) struct Closed<'a> {
     model: &'a Model,
     /// Closed loop from w to z.
@@ -49,7 +49,7 @@ impl Closed<'_> {
     }
 }
 
-/// Where a channel peaked.
+/// Norm of a channel and the frequency of its peak.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ChannelNorm {
     pub(crate) gain: f64,
@@ -67,13 +67,13 @@ pub(crate) struct Value {
     pub(crate) channels: Vec<Vec<ChannelNorm>>,
 }
 
-/// Evaluates objectives and remembers the frequencies at which each channel peaked lately: the next evaluation, at a
-/// point nearby, starts from them and usually needs a single Hamiltonian test to be certain.
+/// Evaluates objectives and stores the recent peak frequencies of each channel: the next evaluation, at a point nearby,
+/// starts from them and usually needs a single Hamiltonian test as proof.
 pub(crate) struct Objective<'a> {
     pub(crate) problem: &'a Checked,
     memory: Vec<Vec<Vec<f64>>>,
     tolerance: f64,
-    /// Channels whose remembered peaks all lie below this part of the largest one are not tested further; 0 tests all.
+    /// Channels with all stored peaks below this fraction of the largest one are not tested further; 0 tests all.
     pub(super) screen: f64,
     /// Threads that share the models; has no influence on the result.
     threads: usize,
@@ -81,17 +81,17 @@ pub(crate) struct Objective<'a> {
     pub(crate) evaluations: usize,
 }
 
-/// One closed loop on the way to its norms.
+/// One closed loop during the evaluation of its norms.
 pub(super) struct Look<'a> {
     pub(super) closed: Closed<'a>,
     /// The channels.
     pub(super) parts: Vec<StateSpace>,
-    /// The largest gain of each at the frequencies that mattered lately.
+    /// The largest gain of each at the stored frequencies.
     norms: Vec<ChannelNorm>,
 }
 
-/// A closed loop must be at least this far from the axis, relative to the fastest pole with or without feedback, to count as
-/// stable. Nearer, neither its stability nor its norm can be told from rounding.
+/// Minimum distance of a closed loop from the axis, relative to the fastest pole with or without feedback, to count as stable.
+/// Nearer, neither its stability nor its norm can be distinguished from rounding.
 const MARGIN: f64 = 1e-9;
 
 impl<'a> Objective<'a> {
@@ -111,7 +111,7 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// The same, sparing channels that lie far below the largest: for a search, which ends with an evaluation that spares none.
+    /// The same, skipping channels far below the largest: for a search, which ends with an evaluation that skips none.
     pub(crate) fn screened(mut self, screen: f64) -> Self {
         self.screen = screen;
         self
@@ -187,14 +187,14 @@ impl<'a> Objective<'a> {
         let column = linalg::to_complex(&closed.c_y) * CMatrix::from_fn(n, 1, |i, _| right[(i, at)]);
         let mut in_k = Matrix::from_fn(row.nrows(), column.nrows(), |i, j| (row[(i, 0)] * column[(j, 0)]).re);
         if linalg::check_finite(&in_k).is_err() {
-            // A defective eigenvalue: no gradient exists. A zero one ends the descent there, another start goes on.
+            // A defective eigenvalue: no gradient exists. A zero gradient ends the descent there; another start continues.
             in_k = Matrix::zeros(row.nrows(), column.nrows());
         }
         Ok(Some((abscissa, self.problem.pull_back(closed.model, x, &in_k))))
     }
 
-    /// The largest channel norm and its gradient. Gives up as soon as the norm is known to exceed `ceiling`: the value
-    /// is then infinite and the gradient empty.
+    /// The largest channel norm and its gradient. Stops as soon as the norm is known to exceed `ceiling`: the value is then
+    /// infinite and the gradient empty.
     pub(crate) fn norm(&mut self, x: &[f64], ceiling: f64) -> Result<(Value, Vec<f64>), LinalgError> {
         let (value, looks) = self.look(x, ceiling)?;
         if value.gamma.is_infinite() {
@@ -218,8 +218,8 @@ impl<'a> Objective<'a> {
         self.evaluations += 1;
         let blocks = self.problem.blocks(x);
         let count = self.problem.models.len();
-        // The cheap tests first, over all models: stability, and the gain at the frequencies that mattered lately. Who is found
-        // above ends it for all; which one that is depends on the threads, but not that there is one.
+        // The cheap tests first, over all models: stability, and the gain at the stored frequencies. The first model found above the
+        // ceiling ends the evaluation of all; which model that is depends on the threads, but whether there is one does not.
         let above = AtomicBool::new(false);
         let first = parallel::map(count, self.threads, |m| {
             if above.load(Ordering::Relaxed) {
@@ -316,7 +316,7 @@ impl<'a> Objective<'a> {
     }
 
     /// The smooth pieces within a factor `depth` (below one) of the largest norm: every local peak of every channel, with
-    /// up to three singular values at each. Spares no channel.
+    /// up to three singular values at each. Skips no channel.
     pub(crate) fn pieces(&mut self, x: &[f64], depth: f64) -> Result<(Value, Vec<Piece>), LinalgError> {
         let screen = std::mem::replace(&mut self.screen, 0.0);
         let looked = self.look(x, f64::INFINITY);
@@ -347,7 +347,7 @@ impl<'a> Objective<'a> {
         for (m, found) in found.into_iter().enumerate() {
             let (peaks, mut some) = found?;
             pieces.append(&mut some);
-            // The highest last, so that it is remembered longest.
+            // The highest last, so that it is kept longest.
             for (c, omega) in peaks.into_iter().rev() {
                 remember(&mut self.memory[m][c], omega);
             }
@@ -428,8 +428,8 @@ fn remember(memory: &mut Vec<f64>, omega: f64) {
     memory.truncate(6);
 }
 
-/// Frequencies of local maxima of the gain above `floor`, the highest first: every interval above it, by level crossings, and in
-/// each what a few points show, refined by golden sections. Extra pieces only help the search, so one missed does no harm.
+/// Frequencies of local maxima of the gain above `floor`, the highest first: every interval above it, by level crossings, and in each
+/// the maxima of a few points, refined by golden-section search. Extra pieces only help the search, so a missed one does no harm.
 fn local_peaks(g: &StateSpace, top: ChannelNorm, floor: f64) -> Result<Vec<f64>, LinalgError> {
     const POINTS: usize = 6;
     const GOLDEN: f64 = 0.381_966_011_250_105;

@@ -1,10 +1,10 @@
-//! How to tune, and what is told meanwhile.
+//! Options of the tuner, and its progress reports.
 
-/// How to tune.
+/// Options of the tuner.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Number of starts; the first is the start value of the gains, the others are scattered around it. Where the whole state
-    /// is measured one more follows, from the Riccati equation.
+    /// Number of starts; the first is the start value of the gains, the others are scattered around it. If the full state is
+    /// measured one more follows, from the Riccati equation.
     pub starts: usize,
     /// Standard deviation of that scatter: of a logarithm for positive gains, of a parameter unit for full ones.
     pub scatter: f64,
@@ -40,7 +40,7 @@ impl Default for Options {
     }
 }
 
-/// What a run is doing.
+/// Phase of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
     /// Looking for a stabilising gain.
@@ -54,9 +54,9 @@ pub enum Phase {
 /// One line of progress.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// Which start, from 0.
+    /// Number of the start, from 0.
     pub start: usize,
-    /// What it is doing.
+    /// Its phase.
     pub phase: Phase,
     /// The abscissa while stabilising, gamma afterwards.
     pub value: f64,
@@ -64,10 +64,10 @@ pub struct Progress {
     pub best: f64,
 }
 
-/// Whether to go on.
+/// Whether to continue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
-    /// Go on.
+    /// Continue.
     Continue,
     /// Stop soon and report the best gains so far.
     Stop,

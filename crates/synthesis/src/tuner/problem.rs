@@ -1,4 +1,4 @@
-//! What is tuned: models, channels, gains; validated before anything runs.
+//! Tuning problem: models, channels and gains; validated before the run.
 
 use std::ops::Range;
 
@@ -7,18 +7,18 @@ use super::yardstick::Yardstick;
 use crate::linalg::{LinalgError, Matrix, c64};
 use crate::state_space::StateSpace;
 
-/// One closed-loop transfer matrix whose H-infinity norm counts.
+/// One closed-loop transfer matrix with an H-infinity norm to be minimised.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
     /// Name, for reports.
     pub name: String,
-    /// Which of the plant's performance outputs z.
+    /// Range of the plant's performance outputs z.
     pub outputs: Range<usize>,
-    /// Which of the plant's exogenous inputs w.
+    /// Range of the plant's exogenous inputs w.
     pub inputs: Range<usize>,
 }
 
-/// A plant the gains must serve, weights included: inputs [w; u], outputs [z; y], closed by `u = K y`.
+/// A plant for which the gains are tuned, weights included: inputs [w; u], outputs [z; y], closed by `u = K y`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     /// Name, for reports.
@@ -29,7 +29,7 @@ pub struct Model {
     pub controls: usize,
     /// Number of measurements y: the last outputs of `plant`.
     pub measurements: usize,
-    /// Transfer matrices that count.
+    /// Transfer matrices in the objective.
     pub channels: Vec<Channel>,
     /// Per gain block, the transforms `left` and `right` of this model; `None` is the identity.
     pub transforms: Vec<Option<(Matrix, Matrix)>>,
@@ -38,16 +38,16 @@ pub struct Model {
 /// A complete tuning problem: the largest channel norm over all models is minimised over the gains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
-    /// Models served at once.
+    /// Models tuned for simultaneously.
     pub models: Vec<Model>,
-    /// Tunable blocks; what they do not cover of K is zero.
+    /// Tunable blocks; the entries of K outside them are zero.
     pub gains: Vec<GainBlock>,
 }
 
-/// Why a tuning problem is refused, or why tuning failed.
+/// Errors of a tuning problem or of tuning.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TuneError {
-    /// There is nothing to tune or nothing to tune for.
+    /// There is no gain to tune, or no model to tune for.
     #[error("the problem has no {0}")]
     Empty(&'static str),
     /// A range or a transform does not fit the plant.
@@ -58,10 +58,10 @@ pub enum TuneError {
         /// What does not fit.
         what: String,
     },
-    /// A gain block is refused.
+    /// A gain block is invalid.
     #[error(transparent)]
     Gain(#[from] GainError),
-    /// No controller whatsoever can stabilise the plant.
+    /// No controller can stabilise the plant.
     #[error("model {model}: the plant cannot be stabilised: the mode at {mode} is not moved by any control input")]
     NotStabilisable {
         /// Name of the model.
@@ -69,7 +69,7 @@ pub enum TuneError {
         /// The mode.
         mode: c64,
     },
-    /// No controller whatsoever can stabilise the plant from these measurements.
+    /// No controller can stabilise the plant from these measurements.
     #[error("model {model}: the plant cannot be stabilised: the mode at {mode} is not seen by any measurement")]
     NotDetectable {
         /// Name of the model.
@@ -100,7 +100,7 @@ pub enum TuneError {
 pub(crate) struct Checked {
     pub(crate) models: Vec<Model>,
     pub(crate) gains: Vec<Parametrised>,
-    /// What a feedback of each model is measured in.
+    /// Units in which the feedback of each model is measured.
     pub(crate) yardsticks: Vec<Yardstick>,
     /// The size of the fastest pole of each model without feedback.
     pub(crate) fastest: Vec<f64>,
@@ -123,7 +123,7 @@ impl Checked {
         let mut models = problem.models.clone();
         for model in &mut models {
             check_model(model, &problem.gains)?;
-            // Scaling of the states changes no transfer function and every eigenvalue computation gets better for it.
+            // Scaling of the states changes no transfer function and improves every eigenvalue computation.
             model.plant = model.plant.balanced();
             let n = model.plant.states();
             let (inputs, outputs) = (model.plant.inputs(), model.plant.outputs());
@@ -197,7 +197,7 @@ impl Checked {
         k
     }
 
-    /// The gradient in x of a function of one model's gain matrix whose gradient there is `in_k`.
+    /// Maps the gradient `in_k` of a function in one model's gain matrix to the gradient in x.
     pub(crate) fn pull_back(&self, model: &Model, x: &[f64], in_k: &Matrix) -> Vec<f64> {
         let mut out = vec![0.0; x.len()];
         let mut at = 0;

@@ -9,7 +9,7 @@ pub(crate) fn simplex_qp(q: &[Vec<f64>], f: &[f64]) -> Vec<f64> {
     if n == 1 {
         return vec![1.0];
     }
-    // Work in units of the largest entry, so that the tolerances below mean something.
+    // Work in units of the largest entry, so that the tolerances below are meaningful.
     let scale = q
         .iter()
         .flatten()

@@ -1,13 +1,13 @@
-//! The region that is searched: how large a feedback is beside its plant.
+//! The search region: size of the feedback relative to its plant.
 //!
-//! Some infima lie at infinite gain. A search that only sees gamma follows them until rounding decides what it sees. So
-//! growth has a price: a factor e in the feedback must lower gamma by a millionth, which no optimum at a finite gain
-//! notices, and beyond [`LARGEST`] nothing is evaluated.
+//! Some infima lie at infinite gain. A search on gamma alone follows them until rounding dominates its value. So growth is
+//! penalised: a factor e in the feedback must lower gamma by a millionth, which is negligible for an optimum at a finite
+//! gain, and beyond [`LARGEST`] nothing is evaluated.
 
 use super::problem::Checked;
 use crate::linalg::Matrix;
 
-/// What a factor e in a large feedback must gain in ln γ.
+/// Reduction of ln γ required of a factor e in a large feedback.
 pub(super) const PRICE: f64 = 1e-6;
 /// Feedback beyond which nothing is evaluated, in multiples of the plant.
 pub(super) const LARGEST: f64 = 1e10;

@@ -22,7 +22,7 @@ pub struct ChannelReport {
     pub channel: String,
     /// Its H-infinity norm, exact to 1e-7 relative.
     pub norm: f64,
-    /// Where it peaks, rad per unit of time.
+    /// Frequency of its peak, rad per unit of time.
     pub omega: f64,
 }
 
@@ -44,7 +44,7 @@ pub struct Tuned {
     pub gains: Vec<Matrix>,
     /// The controller gain matrix K of every model.
     pub controllers: Vec<Matrix>,
-    /// Largest channel norm and what belongs to it.
+    /// Largest channel norm, abscissa and channel norms.
     pub evaluation: Evaluation,
     /// Evidence of local optimality.
     pub certificate: Certificate,
@@ -61,8 +61,8 @@ pub struct Tuned {
 /// Tunes the gains of `problem`. `watch` is called from the worker threads after every accepted step.
 ///
 /// # Errors
-/// A problem that does not fit together, a plant that nobody can stabilise, start gains outside their structure, or no
-/// stabilising gain found (with the least abscissa reached).
+/// An inconsistent problem, a plant that no controller can stabilise, start gains outside their structure, or no stabilising
+/// gain found (with the least abscissa reached).
 pub fn tune(
     problem: &Problem,
     options: &Options,
@@ -73,7 +73,7 @@ pub fn tune(
     let solved = state_feedback::start(&checked)?;
     let starts = asked + usize::from(solved.is_some());
     let stop = AtomicBool::new(false);
-    // Starts first; threads that are left over share the models of a start.
+    // Starts first; the remaining threads share the models of a start.
     let workers = options.threads.clamp(1, starts);
     let inner = (options.threads / workers).max(1);
     let outcomes = parallel::map(starts, workers, |index| {
@@ -137,7 +137,7 @@ pub fn tune(
     })
 }
 
-/// The start with the least norm; of several that are not stabilised the one that is nearest to it.
+/// The start with the least norm; if none is stabilised, the one nearest to stability.
 fn best_of(outcomes: Vec<Option<Outcome>>) -> Option<Outcome> {
     outcomes.into_iter().flatten().reduce(|best, outcome| {
         let (own, other) = (&outcome.value, &best.value);
@@ -170,7 +170,7 @@ pub fn evaluate(problem: &Problem) -> Result<Evaluation, TuneError> {
     Ok(report(&checked, &value))
 }
 
-/// The gain blocks at their start values, and the controller gain matrix K of every model that they make.
+/// The gain blocks at their start values, and the resulting controller gain matrix K of every model.
 ///
 /// # Errors
 /// As [`evaluate`].
@@ -206,8 +206,8 @@ fn scattered(checked: &Checked, options: &Options, index: usize) -> Vec<f64> {
         return vec![0.0; checked.parameters()];
     }
     let mut rng = Rng::new(options.seed, index as u64);
-    // Relative parameters stay near their start. Of the others even the order of magnitude is unknown, so every third start
-    // looks three times and every third one nine times as far.
+    // Relative parameters stay near their start. For the others even the order of magnitude is unknown, so every third start
+    // is scattered three times and every third one nine times as far.
     let reach = 3f64.powi((index as i32 - 1) % 3);
     let mut x = Vec::new();
     for g in &checked.gains {

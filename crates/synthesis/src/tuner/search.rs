@@ -1,4 +1,4 @@
-//! One start: stabilise, then descend and finish in turns.
+//! One start: stabilise, then alternate descent and finishing.
 
 use std::cell::Cell;
 
@@ -10,21 +10,21 @@ use super::problem::Checked;
 use super::region;
 use crate::linalg::LinalgError;
 
-/// While searching, a channel whose known peaks all lie below this part of the largest one is believed without a proof.
+/// During the search, a channel with all known peaks below this fraction of the largest one is accepted without proof.
 const SCREEN: f64 = 0.7;
 /// Relative accuracy of the norms of a result.
 pub(super) const REPORTED: f64 = 1e-8;
 /// Fastest feedback of a stabilising gain, in multiples of the plant.
 const STABILISING: f64 = 1e5;
 
-/// What a start has come to.
+/// Result of a start.
 pub(super) struct Outcome {
     pub(super) x: Vec<f64>,
     pub(super) value: Value,
     pub(super) evaluations: usize,
 }
 
-/// One start and what it needs.
+/// One start and its data.
 pub(super) struct Search<'a> {
     pub(super) checked: &'a Checked,
     pub(super) options: &'a Options,
@@ -39,7 +39,7 @@ impl Search<'_> {
         let mut objective = Objective::new(self.checked, 1e-7, self.threads).screened(SCREEN);
         let abscissa = self.stabilise(&objective, &mut x)?;
         self.improve(&mut objective, &mut x, region::PRICE)?;
-        // What is reported spares nothing.
+        // The reported evaluation skips no channel.
         let mut careful = Objective::new(self.checked, REPORTED, self.threads);
         let mut value = careful.reported(&x)?;
         if value.gamma.is_infinite() {
@@ -52,7 +52,7 @@ impl Search<'_> {
         })
     }
 
-    /// Lowers the norm, with this price for growing gains, from a stabilising `x`; any other stays as it is.
+    /// Lowers the norm, with this penalty on growing gains, from a stabilising `x`; any other `x` is left unchanged.
     pub(super) fn improve(
         &self,
         objective: &mut Objective<'_>,
@@ -80,7 +80,7 @@ impl Search<'_> {
                 let Some(price) = region::price(checked, x, rate) else {
                     return Ok((f64::INFINITY, Vec::new()));
                 };
-                // A trial point far out may overflow; it is simply not taken.
+                // A trial point far away may overflow; it is rejected.
                 Ok(match objective.norm(x, (ceiling - price.0).exp()) {
                     Ok((value, _)) if value.gamma.is_infinite() => (f64::INFINITY, Vec::new()),
                     Ok((value, gradient)) => priced(value.gamma, &gradient, &price),
@@ -120,7 +120,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Reports the logarithm of a norm after each step of a phase, and keeps in `go` whether the search goes on.
+    /// Reports the logarithm of a norm after each step of a phase, and stores in `go` whether the search continues.
     fn reports<'b>(&'b self, phase: Phase, go: &'b Cell<bool>) -> impl FnMut(&[f64], f64) -> bool + 'b {
         move |_: &[f64], value: f64| {
             let value = value.exp();
@@ -134,8 +134,8 @@ impl Search<'_> {
         }
     }
 
-    /// Descends on the spectral abscissa until it is negative by a little, in a few descents (a fresh metric gets BFGS over
-    /// the kinks at which several eigenvalues meet).
+    /// Descends on the spectral abscissa until it is slightly negative, in a few descents (a fresh metric takes BFGS past the
+    /// kinks at which several eigenvalues coincide).
     fn stabilise(&self, objective: &Objective<'_>, x: &mut Vec<f64>) -> Result<f64, LinalgError> {
         let size = objective
             .problem
@@ -145,7 +145,7 @@ impl Search<'_> {
             .fold(1.0, f64::max);
         let enough = -1e-6 * size.min(1e3);
         let evaluate = |x: &[f64], _: f64| -> descent::Evaluation<LinalgError> {
-            // How fast the loop becomes is no aim here, and without a limit it would become infinitely fast.
+            // The speed of the loop is not an objective here, and without a limit it would grow without bound.
             if region::feedback(self.checked, x) > STABILISING {
                 return Ok((f64::INFINITY, Vec::new()));
             }

@@ -1,8 +1,8 @@
-//! A start from the Riccati equation, where the whole state is measured.
+//! Start value from the Riccati equation, for full state measurement.
 //!
-//! Static feedback of the state reaches what any controller reaches that sees it, and that optimum is known from one Riccati
-//! equation (Doyle, Glover, Khargonekar and Francis 1989). A descent from afar gets stuck on its way there when the states are
-//! many; from the solution it only has to confirm.
+//! Static state feedback attains the optimum of all controllers that measure the state, and that optimum is known from one
+//! Riccati equation (Doyle, Glover, Khargonekar and Francis 1989). With many states a descent from a distant start stalls; from
+//! this solution it only has to confirm the optimum.
 
 use super::gains::GainKind;
 use super::objective::Objective;
@@ -11,8 +11,8 @@ use super::region;
 use crate::full_order;
 use crate::linalg::{self, LinalgError, Matrix};
 
-/// The parameters of the best state feedback; `None` where the problem is another one: several models or channels, gains that
-/// are not free, measurements that do not tell the state.
+/// The parameters of the best state feedback; `None` if the problem is of another kind: several models or channels, gains that
+/// are not free, measurements that do not determine the state.
 pub(super) fn start(checked: &Checked) -> Result<Option<Vec<f64>>, LinalgError> {
     let ([model], [gain]) = (&checked.models[..], &checked.gains[..]) else {
         return Ok(None);

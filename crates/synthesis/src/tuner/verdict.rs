@@ -1,4 +1,4 @@
-//! What a result is worth: norms that rounding has not touched, and whether an optimum was attained at all.
+//! Assessment of a result: norms free of rounding error, and whether an optimum was attained.
 
 use super::objective::{ChannelNorm, Objective, Value};
 use super::options::Options;
@@ -12,7 +12,7 @@ use crate::precise::Loop;
 use crate::reduce;
 use crate::state_space::StateSpace;
 
-/// Whether the gains found are an optimum, or only the end of the region that was searched.
+/// Whether the gains found are an optimum, or only the edge of the search region.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     /// A local optimum among the gains that were searched.
@@ -57,9 +57,9 @@ impl std::fmt::Display for Verdict {
     }
 }
 
-/// A feedback this many times as fast as its plant may be on its way to infinity.
+/// Feedback, in multiples of the plant, above which it may be diverging.
 const FAST: f64 = 30.0;
-/// A higher price for growing gains than that of the search, at which the doubt is settled.
+/// A higher penalty on growing gains than that of the search, which decides doubtful cases.
 const TRIAL: f64 = 100.0 * region::PRICE;
 /// A pole this near to the axis, relative to the fastest one, is only there because the axis is better.
 const NEAR: f64 = 1e-6;
@@ -83,7 +83,7 @@ impl Verdict {
         }
         for (model, own) in checked.models.iter().zip(&checked.fastest) {
             let k = checked.gain(model, &blocks);
-            // Weights keep their own poles whatever the gains are; those of the loop are the ones that the search has moved.
+            // The poles of the weights do not depend on the gains; only those of the loop are moved by the search.
             let poles = loop_poles(model, &k)?;
             let fastest = poles.iter().map(|p| p.norm()).fold(*own, f64::max);
             let slowest = poles.into_iter().max_by(|a, b| a.re.total_cmp(&b.re));
@@ -137,8 +137,8 @@ fn loop_poles(model: &Model, k: &Matrix) -> Result<Vec<c64>, LinalgError> {
 }
 
 impl Objective<'_> {
-    /// The norms as they are reported: no channel spared, and where the poles of a model span many decades, every peak
-    /// looked for on a grid as well and evaluated in double-double arithmetic.
+    /// The reported norms: no channel skipped, and where the poles of a model span many decades, every peak is also searched
+    /// on a grid and evaluated in double-double arithmetic.
     pub(super) fn reported(&mut self, x: &[f64]) -> Result<Value, LinalgError> {
         let screen = std::mem::replace(&mut self.screen, 0.0);
         let looked = self.look(x, f64::INFINITY);

@@ -1,4 +1,4 @@
-//! Units in which a gain is as fast as its plant.
+//! Gain units: a gain of one unit makes the feedback as fast as the plant.
 
 use crate::linalg::{self, Matrix};
 use crate::state_space::StateSpace;
@@ -31,7 +31,7 @@ impl Yardstick {
         Self { rows, columns }
     }
 
-    /// How many times faster than the plant the feedback is.
+    /// Speed of the feedback in multiples of the plant's.
     pub(crate) fn feedback(&self, k: &Matrix) -> f64 {
         let entries = (0..k.nrows()).flat_map(|i| (0..k.ncols()).map(move |j| (i, j)));
         entries

@@ -1,7 +1,7 @@
 //! The resources that a run needs from the machine: bytes of shared memory and open files.
 //!
 //! Nearly every object of iceoryx2 in shared memory fits into one page, so the memory of services is counted in pages. The counts were
-//! measured with iceoryx2 0.10.0; `tests/tests/scarcity.rs::rings_shrink_where_shared_memory_is_small` checks them.
+//! measured with iceoryx2 0.10.0; `tests/tests/scarce_resources.rs::rings_shrink_where_shared_memory_is_small` checks them.
 
 use std::ops::RangeInclusive;
 

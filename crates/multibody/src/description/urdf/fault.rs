@@ -1,14 +1,14 @@
-//! What can be wrong with a URDF, and where.
+//! Errors and warnings of a URDF, with their lines.
 
 use super::super::DescriptionError;
 use core::fmt;
 
-/// Everything that is wrong with a text, in the order of its lines. Shown one mistake a line.
+/// All errors in a text, in line order. Displayed as one error per line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UrdfErrors(pub(super) Vec<UrdfError>);
 
 impl UrdfErrors {
-    /// The mistakes; at least one.
+    /// The errors; at least one.
     pub fn iter(&self) -> impl Iterator<Item = &UrdfError> {
         self.0.iter()
     }
@@ -26,22 +26,22 @@ impl fmt::Display for UrdfErrors {
 
 impl std::error::Error for UrdfErrors {}
 
-/// One thing that is wrong with a text.
+/// One error in a text.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{}{fault}", shown(*.line))]
 pub struct UrdfError {
-    /// The line, from 1; `None` for what is wrong with the whole.
+    /// The line, from 1; `None` for an error of the whole text.
     pub line: Option<u32>,
-    /// What is wrong.
+    /// The error.
     pub fault: UrdfFault,
 }
 
-/// Something a text says that the dynamics leave out, or that is odd and can be read all the same.
+/// Content of a text that the dynamics ignore, or that is odd but readable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UrdfWarning {
-    /// The line, from 1; `None` for the whole.
+    /// The line, from 1; `None` for the whole text.
     pub line: Option<u32>,
-    /// What it is, and what becomes of it.
+    /// The content, and how it is treated.
     pub text: String,
 }
 
@@ -55,7 +55,7 @@ fn shown(line: Option<u32>) -> String {
     line.map_or_else(String::new, |line| format!("line {line}: "))
 }
 
-/// What is wrong.
+/// The error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum UrdfFault {
     /// Not XML.
@@ -64,44 +64,44 @@ pub enum UrdfFault {
     /// The root element is not `<robot>`.
     #[error("the root element is {found}; a URDF starts with <robot name=\"…\">")]
     NotARobot {
-        /// What it is.
+        /// The element found.
         found: String,
     },
     /// An element or attribute is missing.
     #[error("{owner}: {missing} is missing")]
     Missing {
-        /// Which link or joint.
+        /// The link or joint.
         owner: String,
-        /// What is missing.
+        /// The missing element or attribute.
         missing: String,
     },
-    /// An element that can only be there once.
+    /// An element that may occur only once.
     #[error("{owner}: a second {element}; give one")]
     Twice {
-        /// Which link or joint.
+        /// The link or joint.
         owner: String,
         /// The element.
         element: String,
     },
-    /// An attribute is not the number or numbers it must be.
+    /// An attribute is not the number or numbers expected.
     #[error("{owner}: {attribute}=\"{text}\" must be {expected}")]
     Number {
-        /// Which link or joint.
+        /// The link or joint.
         owner: String,
         /// The attribute.
         attribute: String,
         /// Its text.
         text: String,
-        /// What it must be.
+        /// The expected content.
         expected: &'static str,
     },
     /// An attitude given in two ways.
     #[error("{owner}: <origin> has both rpy and quat_xyzw; give one")]
     TwoAttitudes {
-        /// Which link or joint.
+        /// The link or joint.
         owner: String,
     },
-    /// The text has to be expanded first.
+    /// The text must be expanded first.
     #[error(
         "{what} is not expanded, so what it stands for is missing; expand the file with `xacro FILE.xacro > FILE.urdf`"
     )]
@@ -130,13 +130,13 @@ pub enum UrdfFault {
         /// The type.
         kind: String,
     },
-    /// The text is a URDF but not of a mechanism.
+    /// The text is a URDF but does not describe a mechanism.
     #[error(transparent)]
     Description(#[from] DescriptionError),
 }
 
 impl UrdfFault {
-    /// Whether it is about a body that no distribution of mass has: [`UrdfOptions::allow_unphysical`](super::UrdfOptions) passes it.
+    /// Whether the error is a physically impossible body: [`UrdfOptions::allow_unphysical`](super::UrdfOptions) accepts it.
     pub fn is_unphysical(&self) -> bool {
         use DescriptionError::{InertiaNotPositive, Negative, Triangle};
         match self {

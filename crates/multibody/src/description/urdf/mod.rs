@@ -1,8 +1,8 @@
 //! URDF text to [`Description`].
 //!
-//! The subset is the one rigid-body dynamics needs: `link/inertial`, and `joint` with `origin`, `axis`, `limit`, `dynamics` and
-//! `mimic`. Geometry, materials, transmissions and what is for simulators and controllers are skipped. Everything else is warned of,
-//! with its line, or refused. `rpy` means R = Rz(y) Ry(p) Rx(r), as the format defines it; `quat_xyzw` is that of version 1.1.
+//! The supported subset is that of rigid-body dynamics: `link/inertial`, and `joint` with `origin`, `axis`, `limit`, `dynamics` and
+//! `mimic`. Geometry, materials, transmissions and data for simulators and controllers are skipped. Everything else causes a warning
+//! or an error, with its line. `rpy` means R = Rz(y) Ry(p) Rx(r), as the format defines it; `quat_xyzw` is that of version 1.1.
 
 mod fault;
 mod xml;
@@ -17,7 +17,7 @@ use roxmltree::Node;
 use std::collections::BTreeMap;
 use xml::{element, is_macro, is_own, line_of, shown};
 
-/// What is for others: looks, contact, actuation, simulators, middleware.
+/// Skipped elements, which belong to other tools: appearance, contact, actuation, simulators, middleware.
 const OF_OTHERS: &[&str] = &[
     "material",
     "transmission",
@@ -29,39 +29,39 @@ const OF_OTHERS: &[&str] = &[
     "capability",
 ];
 
-/// A quaternion is written with some digits; beyond this its length is a mistake.
+/// Tolerance of a quaternion's length, for rounded digits; a larger deviation is an error.
 const QUATERNION_SLACK: f64 = 1e-3;
 
-/// How a URDF is read.
+/// Options of the URDF reader.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UrdfOptions {
-    /// Goes on with bodies that no distribution of mass has; they are then warned of.
+    /// Accepts physically impossible bodies, with a warning.
     pub allow_unphysical: bool,
 }
 
-/// What a URDF says.
+/// Result of reading a URDF.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UrdfReading {
     /// The mechanism.
     pub description: Description,
-    /// What of the text is not in it, in the order of its lines.
+    /// Content of the text that is not in the description, in line order.
     pub warnings: Vec<UrdfWarning>,
 }
 
 impl Description {
     /// Reads URDF text. The root link becomes the base; joint coordinates are the moving joints in the order of the text, without
-    /// those that mimic another. What the text says beyond rigid-body dynamics is passed over: [`read_urdf`](Self::read_urdf) tells it.
+    /// those that mimic another. Content beyond rigid-body dynamics is skipped; [`read_urdf`](Self::read_urdf) reports it.
     ///
     /// # Errors
-    /// All that is wrong with the text.
+    /// All errors found in the text.
     pub fn from_urdf(text: &str) -> Result<Self, UrdfErrors> {
         Self::read_urdf(text, UrdfOptions::default()).map(|reading| reading.description)
     }
 
-    /// Reads URDF text, and tells what of it the dynamics leave out.
+    /// Reads URDF text, and reports the content that the dynamics ignore.
     ///
     /// # Errors
-    /// All that is wrong with the text.
+    /// All errors found in the text.
     pub fn read_urdf(text: &str, options: UrdfOptions) -> Result<UrdfReading, UrdfErrors> {
         let of_xml = |error: roxmltree::Error| {
             let line = Some(error.pos().row);
@@ -77,12 +77,12 @@ impl Description {
     }
 }
 
-/// What has been found so far.
+/// Errors and warnings found so far.
 #[derive(Default)]
 struct Reader {
     errors: Vec<UrdfError>,
     warnings: Vec<UrdfWarning>,
-    /// Where links and joints stand.
+    /// Lines of links and joints.
     lines: BTreeMap<(&'static str, String), u32>,
 }
 
@@ -112,7 +112,7 @@ impl Reader {
             joints,
             allow_unphysical: options.allow_unphysical,
         };
-        // what could not be read would be missed again as a part of the tree
+        // an element that could not be read would be reported again as missing from the tree
         let found = if self.errors.is_empty() {
             description.faults()
         } else {
@@ -167,7 +167,7 @@ impl Reader {
         });
     }
 
-    /// Looks over an element: what stands in it beside the attributes and children that are read (`once` each) or may be passed over.
+    /// Checks an element for content other than the attributes and children that are read (`once` each) or may be skipped.
     fn survey(&mut self, node: Node, owner: &str, attributes: &[&str], once: &[&str], passed: &[&str]) {
         for attribute in node.attributes() {
             let name = attribute.name();
@@ -326,7 +326,7 @@ impl Reader {
         }
     }
 
-    /// The limits of a joint that has some; nothing when they are wrong.
+    /// The limits of a joint, if it has any; nothing when they are invalid.
     fn limits(&mut self, node: Node, owner: &str) -> Option<Option<Limits>> {
         let Some(limit) = element(node, "limit") else {
             return Some(None);
@@ -406,7 +406,7 @@ impl Reader {
         found
     }
 
-    /// The text of an attribute that has to be there, with nothing in it that is still to be expanded.
+    /// The text of a required attribute, which must contain nothing still to be expanded.
     fn required<'a>(&mut self, node: Node<'a, '_>, owner: &str, attribute: &str) -> Option<&'a str> {
         let Some(text) = node.attribute(attribute) else {
             let missing = format!("attribute {attribute} of {}", shown(node));
@@ -473,7 +473,7 @@ impl Reader {
     }
 }
 
-/// Unit length here, for every reader of `axis`; a zero axis is left for the check to name.
+/// Normalises the axis here for every later use; a zero axis is left to be reported by the check.
 fn unit(axis: Vector3<f64>) -> Vector3<f64> {
     let length = axis.norm();
     if length > 0.0 && length.is_finite() && length != 1.0 {

@@ -1,22 +1,22 @@
-//! XML as the readers of URDF take it.
+//! XML parsing with the tolerance of common URDF readers.
 //!
-//! Published files hold prefixes that are declared nowhere, mostly inside `<gazebo>`, and a document type. Both are read. A document
-//! type is never followed: no other file is opened, and entities that expand without end are refused by the parser.
+//! Published files contain undeclared namespace prefixes, mostly inside `<gazebo>`, and document types. Both are accepted. A document
+//! type is never followed: no other file is opened, and the parser rejects entities that expand without end.
 
 use roxmltree::{Document, Error, Node, ParsingOptions};
 use std::borrow::Cow;
 
-/// Nodes a document may have: far beyond any robot, and little memory.
+/// Maximum number of nodes of a document: far beyond any robot, and little memory.
 const NODES_MAX: u32 = 4_000_000;
 
-/// The name of the namespace of a prefix that is declared nowhere is this and the prefix.
+/// The namespace name of an undeclared prefix is this followed by the prefix.
 const UNDECLARED: &str = "undeclared:";
 
 /// Parses `text` and hands the document to `read`. A prefix without a declaration gets one on the root element: that adds no line, so
 /// lines stay those of the text.
 ///
 /// # Errors
-/// The text is not well-formed in another way.
+/// The text is not well-formed in some other way.
 pub fn read_xml<T>(text: &str, read: impl FnOnce(&Document) -> T) -> Result<T, Error> {
     let mut text = Cow::Borrowed(text);
     loop {
@@ -33,7 +33,7 @@ pub fn read_xml<T>(text: &str, read: impl FnOnce(&Document) -> T) -> Result<T, E
             },
             Err(error) => return Err(error),
         };
-        // each round declares one prefix more, and a text has no more prefixes than characters
+        // each iteration declares one more prefix, and a text has no more prefixes than characters
         text = Cow::Owned(format!(
             "{} xmlns:{prefix}=\"{UNDECLARED}{prefix}\"{}",
             &text[..end],
@@ -42,7 +42,7 @@ pub fn read_xml<T>(text: &str, read: impl FnOnce(&Document) -> T) -> Result<T, E
     }
 }
 
-/// Where the name of the root element ends.
+/// Offset of the end of the root element's name.
 fn root_name_end(text: &str) -> Option<usize> {
     let mut at = 0;
     loop {
@@ -83,19 +83,19 @@ fn document_type_end(text: &str) -> Option<usize> {
     None
 }
 
-/// Whether an element belongs to URDF: it is in the namespace of the root, which usually is none.
+/// Whether an element belongs to URDF: it is in the namespace of the root, which usually has none.
 pub(super) fn is_own(node: Node) -> bool {
     node.tag_name().namespace() == node.document().root_element().tag_name().namespace()
 }
 
-/// Whether an element is a macro language's, which has to be expanded before.
+/// Whether an element belongs to a macro language, which must be expanded first.
 pub(super) fn is_macro(node: Node) -> bool {
     node.tag_name()
         .namespace()
         .is_some_and(|name| name.rsplit(['/', ':', '#']).next() == Some("xacro"))
 }
 
-/// The name of an element as the file has it, as far as that can be told.
+/// The name of an element as written in the file, as far as it can be determined.
 pub(super) fn shown(node: Node) -> String {
     let name = node.tag_name();
     let prefix = name
