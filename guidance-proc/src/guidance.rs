@@ -34,7 +34,7 @@ pub struct Guidance {
 
 /// Estimate of the target's motion.
 #[derive(Debug, Clone, Copy, Default)]
-struct Belief {
+struct TargetEstimate {
     target: Option<TargetMotion>,
     sigma_position: f64,
     sigma_attitude: f64,
@@ -70,9 +70,9 @@ impl Guidance {
         })
     }
 
-    fn believe(&mut self, t: f64, inputs: &Inputs) -> Belief {
+    fn estimate_target(&mut self, t: f64, inputs: &Inputs) -> TargetEstimate {
         match &mut self.navigation {
-            Some(navigation) => navigation.believe(t, inputs.get(CAMERA)),
+            Some(navigation) => navigation.estimate_target(t, inputs.get(CAMERA)),
             None => {
                 let message = inputs.get::<TargetState>(TARGET);
                 let seen = TargetMotion::from_raw(message.p_NT_N, message.quat_NT, message.v_NT_N, message.omega_NT_T);
@@ -81,10 +81,10 @@ impl Guidance {
                     (Some(seen), Some(model)) => Some(model.predicted(seen, age)),
                     _ => seen,
                 };
-                Belief {
+                TargetEstimate {
                     target,
                     age,
-                    ..Belief::default()
+                    ..TargetEstimate::default()
                 }
             }
         }
@@ -92,13 +92,13 @@ impl Guidance {
 }
 
 impl Navigation {
-    fn believe(&mut self, t: f64, message: &CameraPose) -> Belief {
+    fn estimate_target(&mut self, t: f64, message: &CameraPose) -> TargetEstimate {
         let picture = Pose::from_raw(message.p_NT_N, message.quat_NT).map(|pose| Picture {
             stamp_s: message.stamp,
             pose,
         });
         let Some(estimate) = self.filter.step(t, picture.as_ref()) else {
-            return Belief::default();
+            return TargetEstimate::default();
         };
         match estimate.update {
             Update::None | Update::Started => {}
@@ -109,7 +109,7 @@ impl Navigation {
                 self.refused += 1;
             }
         }
-        Belief {
+        TargetEstimate {
             target: Some(estimate.target),
             sigma_position: estimate.position_sigma_m,
             sigma_attitude: estimate.attitude_sigma_rad,
@@ -141,11 +141,11 @@ impl Participant for Guidance {
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         let poses = self.kinematics.poses(inputs.get(MEASURED));
-        let belief = self.believe(step.t, inputs);
-        let answer = self.law.step(step.t, poses, belief.target);
+        let estimated = self.estimate_target(step.t, inputs);
+        let answer = self.law.step(step.t, poses, estimated.target);
         *outputs.get_mut::<SetPoint>(SETPOINT) = message(step.t, answer.end_effector.set_point);
         *outputs.get_mut::<SetPoint>(BASE_SETPOINT) = message(step.t, answer.base);
-        *outputs.get_mut::<GuidanceTelemetry>(TELEMETRY) = telemetry(&answer, &belief, self.navigation.as_ref());
+        *outputs.get_mut::<GuidanceTelemetry>(TELEMETRY) = telemetry(&answer, &estimated, self.navigation.as_ref());
         Ok(())
     }
 
@@ -169,13 +169,13 @@ fn message(stamp: f64, set_point: Option<SetPointState>) -> SetPoint {
     })
 }
 
-fn telemetry(answer: &Answer, belief: &Belief, navigation: Option<&Navigation>) -> GuidanceTelemetry {
+fn telemetry(answer: &Answer, estimated: &TargetEstimate, navigation: Option<&Navigation>) -> GuidanceTelemetry {
     let mut telemetry = GuidanceTelemetry {
         progress_position: answer.end_effector.position.value,
         progress_attitude: answer.end_effector.attitude.value,
-        sigma_position: belief.sigma_position,
-        sigma_attitude: belief.sigma_attitude,
-        target_age: belief.age,
+        sigma_position: estimated.sigma_position,
+        sigma_attitude: estimated.sigma_attitude,
+        target_age: estimated.age,
         innovation: navigation.map_or(0.0, |navigation| navigation.innovation),
         refused: navigation.map_or(0, |navigation| u32::try_from(navigation.refused).unwrap_or(u32::MAX)),
         phase: match answer.end_effector.phase {
@@ -186,7 +186,7 @@ fn telemetry(answer: &Answer, belief: &Belief, navigation: Option<&Navigation>) 
         },
         ..GuidanceTelemetry::default()
     };
-    if let Some(target) = &belief.target {
+    if let Some(target) = &estimated.target {
         telemetry.p_NT_N = target.pose.position.into();
         telemetry.quat_NT = so3::to_wxyz(&target.pose.attitude);
         telemetry.v_NT_N = target.velocity.into();

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use crate::actuators::{Actuators, THRUSTERS};
 use crate::dynamics::{
-    Bob, Bodies, Books, Forces, Grasp, Mechanics, Model, Motion, Servicer, Target, Totals, Under, quaternion_of,
+    Bob, Bodies, Forces, Grasp, Ledger, Mechanics, Model, Motion, Servicer, Target, Totals, Under, quaternion_of,
     stop_joints,
 };
 use crate::parameters::{AfterGrasp, Parameters, SloshModel, Start, TargetStart};
@@ -39,7 +39,7 @@ pub struct Plant {
     motion: Motion,
     target: Target,
     pub(crate) forces: Forces,
-    books: Books,
+    ledger: Ledger,
     pub(crate) grasp: Option<Grasp>,
     teller: TruthTeller,
 }
@@ -95,7 +95,7 @@ impl Plant {
             loss: 0.0,
         };
         let target = target_at(&parameters.target_start);
-        let books = Books {
+        let ledger = Ledger {
             start: Totals::of(&model, &motion, &target, false),
             impact_loss: 0.0,
         };
@@ -117,7 +117,7 @@ impl Plant {
                 joint_torque: [0.0; 7],
                 braked: [false; 7],
             },
-            books,
+            ledger,
             grasp: None,
             teller: TruthTeller::default(),
         })
@@ -178,7 +178,7 @@ impl Plant {
         let grip = Grip::of(&self.model, &end_effector, servicer, &self.target);
         if grip.distance() <= within && grip.angle() <= within_angle {
             self.grasp = self.model.grasp(&mut self.motion, &mut self.target);
-            self.books.impact_loss += self.grasp.map_or(0.0, |grasp| grasp.loss);
+            self.ledger.impact_loss += self.grasp.map_or(0.0, |grasp| grasp.loss);
         }
     }
 
@@ -198,13 +198,13 @@ impl Plant {
             .zip(&self.forces.braked)
             .any(|(now, before)| *now && !before)
         {
-            self.books.impact_loss += stop_joints(&self.model, &mut self.motion, &forces.braked);
+            self.ledger.impact_loss += stop_joints(&self.model, &mut self.motion, &forces.braked);
         }
         self.forces = forces;
     }
 
     fn tell(&mut self, bodies: Option<&Bodies>) -> Truth {
-        let (forces, books) = (&self.forces, &self.books);
+        let (forces, ledger) = (&self.forces, &self.ledger);
         let own;
         let bodies = match bodies {
             Some(bodies) => bodies,
@@ -218,7 +218,7 @@ impl Plant {
             (&self.motion, bodies),
             &self.target,
             forces,
-            books,
+            ledger,
             self.grasp.is_some(),
         )
     }
@@ -296,7 +296,7 @@ impl Participant for Plant {
             forces: self.forces,
             actuators: self.actuators.state(),
             sensors: self.sensors.state(),
-            books: self.books,
+            ledger: self.ledger,
             grasp: self.grasp,
             signs: self.teller.last,
         })
@@ -310,7 +310,7 @@ impl Participant for Plant {
             _ => return Err("a plant that has grasped its target cannot be restored: start a new one".into()),
         }
         (self.motion, self.target, self.grasp) = (saved.motion, saved.target, saved.grasp);
-        (self.forces, self.books) = (saved.forces, saved.books);
+        (self.forces, self.ledger) = (saved.forces, saved.ledger);
         self.actuators.restore(&saved.actuators);
         self.sensors.restore(&saved.sensors);
         self.teller.last = saved.signs;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::actuators::ActuatorsState;
-use crate::dynamics::{Books, Forces, Grasp, Motion, Target};
+use crate::dynamics::{Forces, Grasp, Ledger, Motion, Target};
 use crate::sensors::SensorsState;
 
 /// The plant's complete state.
@@ -20,7 +20,7 @@ pub struct Saved {
     /// The sensors.
     pub sensors: SensorsState,
     /// The conservation ledger: totals at the start, and losses since.
-    pub books: Books,
+    pub ledger: Ledger,
     /// The grasp, once it has happened.
     pub grasp: Option<Grasp>,
     /// Attitudes of end effector and grasp frame as last written; they determine the sign of the next.

@@ -4,7 +4,7 @@ use interfaces::Truth;
 use multibody::{Placement, Quaternion};
 use nalgebra::Vector3;
 
-use crate::dynamics::{Bob, Bodies, Books, Forces, Model, Motion, Servicer, Target, Totals, quaternion_of};
+use crate::dynamics::{Bob, Bodies, Forces, Ledger, Model, Motion, Servicer, Target, Totals, quaternion_of};
 
 /// Poses of the end effector E and of the target's grasp frame G in world axes.
 pub struct Grip {
@@ -60,7 +60,7 @@ impl TruthTeller {
         (motion, bodies): (&Motion, &Bodies),
         target: &Target,
         forces: &Forces,
-        books: &Books,
+        ledger: &Ledger,
         grasped: bool,
     ) -> Truth {
         let servicer = &motion.servicer;
@@ -80,7 +80,7 @@ impl TruthTeller {
 
         let relative_rate = quat_NE.rotate(&omega_NE_E) - target.quat_nb.rotate(&omega_NT);
         let totals = Totals::with(model, &bodies.momentum, motion, target, grasped);
-        let residual = books.residual(&totals, motion);
+        let residual = ledger.residual(&totals, motion);
         let [quat_NE, quat_NG] = [(0, quat_NE), (1, quat_NG)].map(|(at, quat)| self.continuous(at, quat));
         Truth {
             p_NB_N: servicer.p_nb.into(),
@@ -118,7 +118,7 @@ impl TruthTeller {
             energy: totals.energy,
             actuator_work: motion.work,
             damper_loss: motion.loss,
-            impact_loss: books.impact_loss,
+            impact_loss: ledger.impact_loss,
             linear_residual_N: residual.linear.into(),
             angular_residual_N: residual.angular.into(),
             energy_residual: residual.energy,

@@ -57,7 +57,7 @@ impl Page {
     ///
     /// # Errors
     /// As of [`Page::try_ask`].
-    pub fn try_wish(&self, body: &str) -> io::Result<(u16, String)> {
+    pub fn try_command(&self, body: &str) -> io::Result<(u16, String)> {
         let length = body.len();
         self.try_ask(&format!(
             "POST {{path}}control HTTP/1.1\nHost: {{host}}\nOrigin: {{origin}}\nContent-Type: application/json\n\

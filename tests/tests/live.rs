@@ -58,8 +58,8 @@ impl Watched {
         self.ask(&format!("GET {{path}}{below} HTTP/1.1\nHost: {{host}}\n\n"))
     }
 
-    fn wish(&self, body: &str) -> (u16, String) {
-        self.page.try_wish(body).unwrap()
+    fn command(&self, body: &str) -> (u16, String) {
+        self.page.try_command(body).unwrap()
     }
 
     fn state(&self) -> Value {
@@ -129,17 +129,17 @@ fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
     let run = Watched::at_one_second(&scenario, &out);
     has(&out, "damper.push.bin", 100, 24);
     // The next activation of the damper is at 1 s, the following one at 1.01 s; the plant executes everything before it.
-    assert_eq!(run.wish(r#"{"do": "step", "participant": "damper"}"#).0, 200);
+    assert_eq!(run.command(r#"{"do": "step", "participant": "damper"}"#).0, 200);
     run.rests_at(1.001);
     has(&out, "damper.push.bin", 101, 24);
     has(&out, "plant.motion.bin", 1002, 24);
-    assert_eq!(run.wish(r#"{"do": "step", "participant": "damper"}"#).0, 200);
+    assert_eq!(run.command(r#"{"do": "step", "participant": "damper"}"#).0, 200);
     run.rests_at(1.011);
     has(&out, "damper.push.bin", 102, 24);
-    assert_eq!(run.wish(r#"{"do": "step", "time": "1/300 s"}"#).0, 200);
+    assert_eq!(run.command(r#"{"do": "step", "time": "1/300 s"}"#).0, 200);
     run.rests_at(1.015);
-    assert_eq!(run.wish(r#"{"do": "step", "participant": "nobody"}"#).0, 409);
-    assert_eq!(run.wish(r#"{"do": "dance"}"#).0, 400);
+    assert_eq!(run.command(r#"{"do": "step", "participant": "nobody"}"#).0, 409);
+    assert_eq!(run.command(r#"{"do": "dance"}"#).0, 400);
     let (status, page) = run.get("");
     assert_eq!(status, 200);
     assert!(
@@ -147,7 +147,7 @@ fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
         "it is a page that asks for news"
     );
     assert_eq!(run.get("result").0, 409, "there is no result yet");
-    assert_eq!(run.wish(r#"{"do": "resume"}"#).0, 200);
+    assert_eq!(run.command(r#"{"do": "resume"}"#).0, 200);
     let said = run.end();
     assert_eq!(said.code, Some(0), "{said:?}");
     for stream in ["plant.motion.bin", "damper.push.bin"] {
@@ -174,7 +174,7 @@ fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
     ];
     let run = Watched::start(&[&arguments[..], &["--live-stay", "--pause-at", "0.5 s"]].concat());
     run.rests_at(0.5);
-    assert_eq!(run.wish(r#"{"do": "step", "time": "0.25 s"}"#).0, 200);
+    assert_eq!(run.command(r#"{"do": "step", "time": "0.25 s"}"#).0, 200);
     run.rests_at(0.75);
     has(&out, "controller.command.bin", 75, 8 * 14);
     // The page's data of a paused run, compared with the tape: every n-th sample and the newest.
@@ -182,7 +182,7 @@ fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
     let news: Value = serde_json::from_str(&news).unwrap();
     assert_eq!(news["figures"]["base-torque"][0]["samples"], 75);
     assert_eq!(news["figures"]["position-error"][0]["samples"], 751);
-    assert_eq!(run.wish(r#"{"do": "resume"}"#).0, 200);
+    assert_eq!(run.command(r#"{"do": "resume"}"#).0, 200);
     let started = Instant::now();
     while run.state()["ended"] != "complete" {
         assert!(started.elapsed() < Duration::from_secs(60));
@@ -195,7 +195,7 @@ fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
     let summary: Value = serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
     assert_eq!(summary["tape_digest"], digest.as_str());
     assert_eq!(
-        run.wish(r#"{"do": "pause"}"#).0,
+        run.command(r#"{"do": "pause"}"#).0,
         409,
         "a run that is over cannot be paused"
     );
@@ -290,7 +290,7 @@ fn nobody_else_can_see_or_steer_the_run() {
         let page = format!("GET {} HTTP/1.1\r\nHost: {}\r\n\r\n", run.page.path, run.page.host);
         stream.write_all(page.as_bytes()).unwrap();
     }
-    assert_eq!(run.wish(r#"{"do": "resume"}"#).0, 200);
+    assert_eq!(run.command(r#"{"do": "resume"}"#).0, 200);
     let said = run.end();
     assert_eq!(said.code, Some(0), "{said:?}");
     drop(held);

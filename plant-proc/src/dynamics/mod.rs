@@ -2,10 +2,10 @@
 
 mod abreast;
 mod bodies;
-mod books;
 mod constraint;
 mod coordinates;
 mod flow;
+mod ledger;
 mod model;
 mod motion;
 mod slosh_model;
@@ -13,10 +13,10 @@ mod sphere;
 
 pub use abreast::{Models, Under};
 pub use bodies::Bodies;
-pub use books::{Books, Totals};
 pub use constraint::stop_joints;
 pub use coordinates::{COORDINATES, Generalised, Servicer, Target, TargetTree, Tree, VELOCITIES};
 pub use flow::Mechanics;
+pub use ledger::{Ledger, Totals};
 pub use model::{Grasp, Model, quaternion_of};
 pub use motion::{Forces, Motion};
 pub use slosh_model::SloshModel;

@@ -239,10 +239,10 @@ impl Round {
         let parts = Parts::Seats(self.names.clone());
         let mut hits = Vec::new();
         for strike in strikes {
-            let steer = |wish: &str, running: &Running| {
+            let steer = |command: &str, running: &Running| {
                 let page = self.script.live.then(|| Page::of(&running.err())).flatten();
                 // The run may be over, or may not have started: then it cannot be steered.
-                page.map(|page| page.try_wish(wish));
+                page.map(|page| page.try_command(command));
             };
             // The run stays paused, unless the signal waits for the tape to grow.
             if !matches!(strike.moment, Moment::Tape { .. }) {

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::Steering;
 use super::http::{self, Bad, Request};
-use super::steering::{Course, Wish};
+use super::steering::{Course, LiveCommand};
 
 /// Maximum number of requests of our own page served at once; more are rejected.
 const CONNECTIONS: usize = 16;
@@ -399,13 +399,13 @@ impl Shared {
 
     fn control(&self, request: &Request) -> Answer {
         if request.header("content-type") != Some(JSON) {
-            return text(415, "a wish comes as application/json");
+            return text(415, "a command comes as application/json");
         }
-        let wish = match wish(&request.body) {
-            Ok(wish) => wish,
+        let command = match command(&request.body) {
+            Ok(command) => command,
             Err(reason) => return text(400, &reason),
         };
-        match self.steering.obey(&wish) {
+        match self.steering.obey(&command) {
             Ok(()) => (200, JSON, self.steering.state().to_string().into_bytes()),
             Err(reason) => text(409, &reason),
         }
@@ -413,20 +413,20 @@ impl Shared {
 }
 
 /// `{"do": "pause"}`, `{"do": "resume"}`, `{"do": "step", "participant": "plant"}`, `{"do": "step", "time": "10 ms"}`
-fn wish(body: &[u8]) -> Result<Wish, String> {
+fn command(body: &[u8]) -> Result<LiveCommand, String> {
     let body: Value = serde_json::from_slice(body).map_err(|error| format!("not JSON: {error}"))?;
     let part = |key: &str| body.get(key).and_then(Value::as_str);
     match (part("do"), part("participant"), part("time")) {
-        (Some("pause"), None, None) => Ok(Wish::Pause),
-        (Some("resume"), None, None) => Ok(Wish::Resume),
-        (Some("step"), Some(name), None) => Ok(Wish::StepOf(name.to_owned())),
+        (Some("pause"), None, None) => Ok(LiveCommand::Pause),
+        (Some("resume"), None, None) => Ok(LiveCommand::Resume),
+        (Some("step"), Some(name), None) => Ok(LiveCommand::StepOf(name.to_owned())),
         (Some("step"), None, Some(time)) => {
             let time = time
                 .parse()
                 .map_err(|error: lockstep::time::TimeError| error.to_string())?;
-            Ok(Wish::StepBy(time))
+            Ok(LiveCommand::StepBy(time))
         }
-        _ => Err("not a wish: write pause, resume, or step with a participant or a time".into()),
+        _ => Err("not a command: write pause, resume, or step with a participant or a time".into()),
     }
 }
 

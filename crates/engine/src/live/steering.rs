@@ -9,7 +9,7 @@ use lockstep::time::{Rational, Ticks};
 
 /// A command of a live page.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Wish {
+pub enum LiveCommand {
     /// Pause as soon as possible.
     Pause,
     /// Go on.
@@ -117,7 +117,7 @@ impl Steering {
     }
 
     /// Executes a command, or returns why it is not possible.
-    pub fn obey(&self, wish: &Wish) -> Result<(), String> {
+    pub fn obey(&self, command: &LiveCommand) -> Result<(), String> {
         let Some(Course { plan, .. }) = self.course() else {
             return Err("the run has not begun yet".into());
         };
@@ -125,17 +125,17 @@ impl Steering {
             return Err("the run is over".into());
         }
         let granted = self.granted.load(Ordering::Relaxed);
-        let target = match wish {
-            Wish::Pause => {
+        let target = match command {
+            LiveCommand::Pause => {
                 self.pause();
                 return Ok(());
             }
-            Wish::Resume => {
+            LiveCommand::Resume => {
                 self.resume();
                 return Ok(());
             }
             _ if self.limit() == Ticks::MAX => return Err("the run is going on: pause it first".into()),
-            Wish::StepOf(name) => {
+            LiveCommand::StepOf(name) => {
                 let number = plan
                     .participant(name)
                     .ok_or_else(|| format!("there is no participant `{name}`"))?;
@@ -143,11 +143,11 @@ impl Steering {
                 // The first activation that has not happened yet; the step includes all other activations at that instant.
                 own.instant(own.count_before(granted)).saturating_add(1)
             }
-            Wish::StepBy(time) if time.is_positive() => {
+            LiveCommand::StepBy(time) if time.is_positive() => {
                 let ticks = plan.timebase.ceil(*time).map_err(|error| error.to_string())?;
                 granted.saturating_add(ticks)
             }
-            Wish::StepBy(time) => return Err(format!("a step of {time} does not go ahead")),
+            LiveCommand::StepBy(time) => return Err(format!("a step of {time} does not go ahead")),
         };
         self.go_to(target.min(plan.end));
         Ok(())

@@ -12,7 +12,7 @@ use crate::run::Kept;
 
 /// The entry of a scenario for a stream, or for all streams of a participant.
 #[derive(Debug, Clone)]
-pub(super) struct Wish {
+pub(super) struct RecordRequest {
     /// The key below `record`.
     key: String,
     participant: String,
@@ -27,8 +27,8 @@ pub(super) fn read(
     source: &Source,
     participants: &Names,
     record: &Entries<RecordSpec>,
-) -> Result<Vec<Wish>, Vec<Mistake>> {
-    let (mut wishes, mut mistakes) = (Vec::new(), Vec::new());
+) -> Result<Vec<RecordRequest>, Vec<Mistake>> {
+    let (mut requests, mut mistakes) = (Vec::new(), Vec::new());
     for (key, part) in record {
         let (participant, port) = match key.split_once('.') {
             Some((participant, port)) => (participant, Some(port)),
@@ -49,7 +49,7 @@ pub(super) fn read(
             check(source, &format!("record.{key}"), part)
         };
         match refused {
-            Ok(()) => wishes.push(Wish {
+            Ok(()) => requests.push(RecordRequest {
                 key: key.clone(),
                 participant: participant.to_owned(),
                 port: port.map(str::to_owned),
@@ -59,7 +59,11 @@ pub(super) fn read(
             Err(mistake) => mistakes.push(mistake),
         }
     }
-    if mistakes.is_empty() { Ok(wishes) } else { Err(mistakes) }
+    if mistakes.is_empty() {
+        Ok(requests)
+    } else {
+        Err(mistakes)
+    }
 }
 
 fn check(source: &Source, key: &str, part: &RecordSpec) -> Result<(), Mistake> {
@@ -136,7 +140,7 @@ impl ScenarioSpec {
     }
 }
 
-impl Wish {
+impl RecordRequest {
     /// Whether the entry keeps every sample of the streams that it names.
     pub(super) fn is_whole(&self) -> bool {
         self.part == RecordSpec::Whole
@@ -146,33 +150,34 @@ impl Wish {
 /// Which samples of each of `streams`, those of `plan`, are kept; entries for participants whose ports are not `certain` are left
 /// out.
 pub(super) fn of_streams(
-    wishes: &[Wish],
+    requests: &[RecordRequest],
     source: &Source,
     plan: &Plan,
     streams: &[StreamSpec],
     certain: impl Fn(usize) -> bool,
 ) -> Result<Vec<Kept>, ScenarioError> {
     let (mut all, mut mistakes) = (vec![Kept::WHOLE; streams.len()], Vec::new());
-    let (general, single): (Vec<&Wish>, Vec<&Wish>) = wishes.iter().partition(|wish| wish.port.is_none());
-    for wish in general.into_iter().chain(single) {
-        if !plan.participant(&wish.participant).is_some_and(&certain) {
+    let (general, single): (Vec<&RecordRequest>, Vec<&RecordRequest>) =
+        requests.iter().partition(|request| request.port.is_none());
+    for request in general.into_iter().chain(single) {
+        if !plan.participant(&request.participant).is_some_and(&certain) {
             continue;
         }
         let own = streams
             .iter()
             .enumerate()
-            .filter(|(_, spec)| spec.participant == wish.participant);
+            .filter(|(_, spec)| spec.participant == request.participant);
         let meant = own
             .clone()
-            .filter(|(_, spec)| wish.port.as_ref().is_none_or(|port| *port == spec.port));
+            .filter(|(_, spec)| request.port.as_ref().is_none_or(|port| *port == spec.port));
         let meant: Vec<(usize, &StreamSpec)> = meant.collect();
-        if let (true, Some(port)) = (meant.is_empty(), &wish.port) {
+        if let (true, Some(port)) = (meant.is_empty(), &request.port) {
             let known: Vec<&String> = own.map(|(_, spec)| &spec.port).collect();
             let reason = unknown("output", port, known.into_iter());
-            mistakes.push(source.mistake(&format!("record.{}", wish.key), reason));
+            mistakes.push(source.mistake(&format!("record.{}", request.key), reason));
         }
         for (number, spec) in meant {
-            let part = match &wish.part {
+            let part = match &request.part {
                 RecordSpec::Whole => Ok(Kept::WHOLE),
                 RecordSpec::Nothing => Ok(Kept::NOTHING),
                 RecordSpec::Part(part) => kept(spec, part),
@@ -181,7 +186,7 @@ pub(super) fn of_streams(
                 Ok(part) => all[number] = part,
                 Err((below, reason)) => {
                     let dot = if below.is_empty() { "" } else { "." };
-                    let key = format!("record.{}{dot}{below}", wish.key);
+                    let key = format!("record.{}{dot}{below}", request.key);
                     mistakes.push(source.mistake(&key, reason));
                 }
             }
@@ -194,10 +199,12 @@ pub(super) fn of_streams(
     }
 }
 
-/// The error that `what` needs samples and `wishes` leaves some of them out.
-pub(super) fn needed(wishes: &[Wish], source: &Source, what: &str) -> ScenarioError {
-    let first = wishes.iter().find(|wish| !wish.is_whole());
-    let named = first.map(|wish| format!("record.{}", wish.key)).unwrap_or_default();
+/// The error that `what` needs samples and `requests` leaves some of them out.
+pub(super) fn needed(requests: &[RecordRequest], source: &Source, what: &str) -> ScenarioError {
+    let first = requests.iter().find(|request| !request.is_whole());
+    let named = first
+        .map(|request| format!("record.{}", request.key))
+        .unwrap_or_default();
     let reason = format!("leaves out samples that {what} needs; keep them, or do without");
     source.error(vec![source.mistake(&named, reason)])
 }

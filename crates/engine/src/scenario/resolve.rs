@@ -19,7 +19,7 @@ use super::names::{Names, ORCHESTRATOR};
 use super::pictures;
 use super::ports::{End, not_a_port, port};
 use super::program::Program;
-use super::recorded::{self, Wish};
+use super::recorded::{self, RecordRequest};
 use super::source::Source;
 use super::spec::{Changes, FOLDER, Reading, ScenarioSpec};
 use crate::builtins::{Builtins, HasBuiltins};
@@ -49,7 +49,7 @@ pub struct Scenario {
     pub(super) guards: Vec<Guard>,
     pub(super) measures: Vec<DeclaredMeasure>,
     pub(super) pictures: View,
-    pub(super) record: Vec<Wish>,
+    pub(super) record: Vec<RecordRequest>,
     /// The content of the scenario.
     pub(super) spec: ScenarioSpec,
     /// The content as a table, once it was asked for.
@@ -255,7 +255,7 @@ impl Scenario {
 
     /// Whether every sample is kept.
     pub fn records_all(&self) -> bool {
-        self.record.iter().all(Wish::is_whole)
+        self.record.iter().all(RecordRequest::is_whole)
     }
 
     /// The error that `what` needs every sample, and the run does not keep every sample.

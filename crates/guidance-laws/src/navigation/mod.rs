@@ -96,12 +96,12 @@ pub struct State {
 #[derive(Debug, Clone, PartialEq)]
 pub struct NavigationFilter {
     parameters: Parameters,
-    belief: Option<Belief>,
+    filter: Option<FilterState>,
 }
 
 /// The estimate at a stamp.
 #[derive(Debug, Clone, PartialEq)]
-struct Belief {
+struct FilterState {
     newest_s: f64,
     estimate_s: f64,
     refusals: u32,
@@ -139,7 +139,7 @@ impl NavigationFilter {
         }
         Ok(Self {
             parameters,
-            belief: None,
+            filter: None,
         })
     }
 
@@ -150,7 +150,7 @@ impl NavigationFilter {
     /// As [`Self::new`].
     pub fn from_state(parameters: Parameters, state: &State) -> Result<Self, ParameterError> {
         let [w, x, y, z] = state.attitude;
-        let belief = state.started.then(|| Belief {
+        let filter = state.started.then(|| FilterState {
             newest_s: state.stamp_s,
             estimate_s: state.estimate_s,
             refusals: state.refusals,
@@ -167,14 +167,14 @@ impl NavigationFilter {
             covariance: state.covariance.into(),
         });
         Ok(Self {
-            belief,
+            filter,
             ..Self::new(parameters)?
         })
     }
 
     /// Complete state of the filter.
     pub fn state(&self) -> State {
-        match &self.belief {
+        match &self.filter {
             None => State {
                 started: false,
                 stamp_s: 0.0,
@@ -188,18 +188,18 @@ impl NavigationFilter {
                 attitude_drift: [0.0; 3],
                 covariance: [[0.0; STATES]; STATES],
             },
-            Some(belief) => State {
+            Some(filter) => State {
                 started: true,
-                stamp_s: belief.newest_s,
-                estimate_s: belief.estimate_s,
-                refusals: belief.refusals,
-                position: belief.target.pose.position.into(),
-                attitude: so3::to_wxyz(&belief.target.pose.attitude),
-                velocity: belief.target.velocity.into(),
-                rate: belief.target.rate.into(),
-                position_drift: belief.position_drift.into(),
-                attitude_drift: belief.attitude_drift.into(),
-                covariance: belief.covariance.into(),
+                stamp_s: filter.newest_s,
+                estimate_s: filter.estimate_s,
+                refusals: filter.refusals,
+                position: filter.target.pose.position.into(),
+                attitude: so3::to_wxyz(&filter.target.pose.attitude),
+                velocity: filter.target.velocity.into(),
+                rate: filter.target.rate.into(),
+                position_drift: filter.position_drift.into(),
+                attitude_drift: filter.attitude_drift.into(),
+                covariance: filter.covariance.into(),
             },
         }
     }
@@ -210,16 +210,16 @@ impl NavigationFilter {
             None => Update::None,
             Some(camera) => self.take_in(camera),
         };
-        let belief = self.belief.as_ref()?;
-        let age_s = time_s - belief.estimate_s;
+        let filter = self.filter.as_ref()?;
+        let age_s = time_s - filter.estimate_s;
         let sigma = |first: usize| {
             (first..first + 3)
-                .map(|i| belief.covariance[(i, i)])
+                .map(|i| filter.covariance[(i, i)])
                 .sum::<f64>()
                 .sqrt()
         };
         Some(Estimate {
-            target: self.parameters.target.predicted(&belief.target, age_s),
+            target: self.parameters.target.predicted(&filter.target, age_s),
             position_sigma_m: sigma(error_state::POSITION),
             attitude_sigma_rad: sigma(error_state::ATTITUDE),
             age_s,
@@ -230,28 +230,28 @@ impl NavigationFilter {
     /// Covariance of the error state at the stamp of the estimate: position (world, m), velocity (world, m/s), attitude (target axes,
     /// rad), angular velocity (target axes, rad/s), slow camera errors of position (m) and attitude (rad), three numbers each.
     pub fn covariance(&self) -> Option<&SMatrix<f64, 18, 18>> {
-        self.belief.as_ref().map(|belief| &belief.covariance)
+        self.filter.as_ref().map(|filter| &filter.covariance)
     }
 
     fn take_in(&mut self, camera: &CameraPose) -> Update {
         let parameters = &self.parameters;
-        match &mut self.belief {
+        match &mut self.filter {
             None => {
-                self.belief = Some(Belief::started(parameters, camera));
+                self.filter = Some(FilterState::started(parameters, camera));
                 Update::Started
             }
-            Some(belief) if camera.stamp_s <= belief.newest_s => Update::None,
-            Some(belief) => {
-                belief.newest_s = camera.stamp_s;
-                belief.predict(parameters, camera.stamp_s);
-                let nis = belief.update(parameters, &camera.pose);
+            Some(filter) if camera.stamp_s <= filter.newest_s => Update::None,
+            Some(filter) => {
+                filter.newest_s = camera.stamp_s;
+                filter.predict(parameters, camera.stamp_s);
+                let nis = filter.update(parameters, &camera.pose);
                 if nis <= parameters.gate {
-                    belief.refusals = 0;
+                    filter.refusals = 0;
                     return Update::Accepted { nis };
                 }
-                belief.refusals += 1;
-                if belief.refusals > parameters.refusals_max {
-                    *belief = Belief::started(parameters, camera);
+                filter.refusals += 1;
+                if filter.refusals > parameters.refusals_max {
+                    *filter = FilterState::started(parameters, camera);
                     return Update::Started;
                 }
                 Update::Refused { nis }
@@ -260,7 +260,7 @@ impl NavigationFilter {
     }
 }
 
-impl Belief {
+impl FilterState {
     fn started(parameters: &Parameters, camera: &CameraPose) -> Self {
         Self {
             newest_s: camera.stamp_s,

@@ -235,7 +235,7 @@ pub(super) fn holds(m: &CMatrix, s: &Scalings, level: f64) -> Result<bool, Linal
     Ok(linalg::hermitian_eigen(&f)?.0.first().is_none_or(|least| *least > 0.0))
 }
 
-/// Most centres on the way to a bound; each takes a fifth or less of the distance that is left.
+/// Largest number of centring steps for one bound; a centred step leaves one fifth of the remaining distance.
 const ROUNDS: usize = 120;
 
 /// Upper bound of μ at one matrix, to the relative accuracy `tolerance` of the convex problem (1e-6 is comfortable).

@@ -77,7 +77,7 @@ fn only_a_post_of_our_own_page_changes_anything() {
         415,
         "what a form can send"
     );
-    assert_eq!(status(&format!("{head}\n{ours}\n{body}")), 400, "an empty wish");
+    assert_eq!(status(&format!("{head}\n{ours}\n{body}")), 400, "an empty command");
     assert_eq!(status(&head.replace("POST", "GET")), 405);
     assert_eq!(status(&format!("{}\n{ours}", head.replace("control", "news"))), 405);
     assert_eq!(
@@ -105,14 +105,14 @@ fn silent_connections_do_not_block_the_page() {
 
 #[test]
 fn wishes_are_read_strictly() {
-    assert_eq!(wish(br#"{"do":"pause"}"#), Ok(Wish::Pause));
+    assert_eq!(command(br#"{"do":"pause"}"#), Ok(LiveCommand::Pause));
     assert_eq!(
-        wish(br#"{"do":"step","participant":"plant"}"#),
-        Ok(Wish::StepOf("plant".into()))
+        command(br#"{"do":"step","participant":"plant"}"#),
+        Ok(LiveCommand::StepOf("plant".into()))
     );
     assert_eq!(
-        wish(br#"{"do":"step","time":"10 ms"}"#),
-        Ok(Wish::StepBy(lockstep::time::Rational::from_millis(10)))
+        command(br#"{"do":"step","time":"10 ms"}"#),
+        Ok(LiveCommand::StepBy(lockstep::time::Rational::from_millis(10)))
     );
     for body in [
         "",
@@ -123,10 +123,10 @@ fn wishes_are_read_strictly() {
         r#"{"do":"step","time":"soon"}"#,
         r#"{"do":"step","participant":"a","time":"1 s"}"#,
     ] {
-        assert!(wish(body.as_bytes()).is_err(), "{body}");
+        assert!(command(body.as_bytes()).is_err(), "{body}");
     }
     assert_eq!(
-        shared().steering.obey(&Wish::Pause),
+        shared().steering.obey(&LiveCommand::Pause),
         Err("the run has not begun yet".into())
     );
 }

@@ -19,7 +19,7 @@ pub struct Totals {
 
 /// Totals at the start, and the losses since then that occurred outside the integrator's steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Books {
+pub struct Ledger {
     /// Totals at the first instant.
     pub start: Totals,
     /// Energy lost in impacts so far, J.
@@ -78,7 +78,7 @@ impl Totals {
     }
 }
 
-impl Books {
+impl Ledger {
     /// Residuals of `now`: momentum less impulse, angular momentum less angular impulse, energy less work plus losses.
     pub fn residual(&self, now: &Totals, motion: &Motion) -> Totals {
         Totals {
