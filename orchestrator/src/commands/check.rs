@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::arguments::{ScenarioArgs, StartArgs};
 use crate::catalogue::catalogue;
 use crate::output;
-use engine::run::{Known, Options, Placement, RunFailure, faults, room};
+use engine::run::{Known, Options, Placement, RunFailure, faults, resources};
 use engine::scenario::{Program, Scenario};
 use lockstep::link::Hold;
 use lockstep::plan::Link;
@@ -50,7 +50,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
             "plan": plan,
             "unknown": unknown,
             "placement": placement.reason,
-            "shared_memory": room::figures(&known.plan),
+            "shared_memory": resources::figures(&known.plan),
         });
         for one in findings {
             said[one.name] = one.value;
@@ -61,7 +61,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
     let out = &mut output::page();
     describe(out, &scenario, &known);
     say!(out, "placement: {}", placement.reason);
-    say!(out, "{}", room::describe(&known.plan));
+    say!(out, "{}", resources::describe(&known.plan));
     findings.iter().for_each(|one| say!(out, "{}", one.text));
     Ok(0)
 }
