@@ -228,7 +228,7 @@ impl Processes {
                 recorder.remember(&rest.samples);
             }
         }
-        let missing = self.move_everybody(run_state, &checkpoint.cut, slots)?;
+        let missing = self.relocate(run_state, &checkpoint.cut, slots)?;
         run_state.substituted = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
         run_state
             .guide
@@ -288,7 +288,7 @@ impl Processes {
         }
         // The substitute sees again what its predecessor was shown last.
         run_state.recorder().expect_again()?;
-        let mut missing = self.move_everybody(run_state, &cut, slots)?;
+        let mut missing = self.relocate(run_state, &cut, slots)?;
         // A restart must not bring back a participant that was replaced.
         run_state.last_checkpoint = None;
         let mut at = 0;

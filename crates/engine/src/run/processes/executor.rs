@@ -294,12 +294,12 @@ impl Executor for Processes {
         slots: Vec<Slot>,
         _back: bool,
     ) -> Result<Vec<FailedParticipant>, RunFailure> {
-        self.move_everybody(run_state, cut, slots)
+        self.relocate(run_state, cut, slots)
     }
 
     fn show_inputs(&mut self, run_state: &mut RunState, cut: &Cut) -> Result<Vec<FailedParticipant>, RunFailure> {
         let slots = self.handles.iter().map(|_| Slot::Same(None)).collect();
-        self.move_everybody(run_state, cut, slots)
+        self.relocate(run_state, cut, slots)
     }
 
     fn went_back(&mut self, _: Ticks) {}

@@ -28,7 +28,7 @@ impl Processes {
     ///
     /// # Errors
     /// A failure that no participant caused; then no participant is left.
-    pub(crate) fn move_everybody(
+    pub(crate) fn relocate(
         &mut self,
         run_state: &mut RunState,
         cut: &Cut,
@@ -90,6 +90,27 @@ impl Processes {
         self.receive(run_state, &mut handles, &newcomers, &mut missing)?;
         self.place = Place::create_services(domain, &run_state.plan)?;
         self.scope.clear(&left);
+        self.connect(run_state, cut, &mut handles, states, &mut missing)?;
+        self.handles = handles;
+        run_state.recorder().stand_at(cut);
+        for (entry, newcomer) in run_state.entries.iter_mut().zip(newcomers) {
+            if let Some(newcomer) = newcomer {
+                *entry = *newcomer;
+            }
+        }
+        self.rounds.patience.renew();
+        Ok(missing.0)
+    }
+
+    /// Connects all participants at the new place, where they continue at `cut` with `states`.
+    fn connect(
+        &self,
+        run_state: &RunState,
+        cut: &Cut,
+        handles: &mut [ParticipantHandle],
+        states: Vec<Option<Vec<u8>>>,
+        missing: &mut Missing,
+    ) -> Result<(), RunFailure> {
         let mut positions = run_state.positions(cut)?;
         for (position, state) in positions.iter_mut().zip(states) {
             position.state = state;
@@ -107,15 +128,7 @@ impl Processes {
                 connecting.one(number, handle, assignment, Some(position))
             })?;
         }
-        self.handles = handles;
-        run_state.recorder().stand_at(cut);
-        for (entry, newcomer) in run_state.entries.iter_mut().zip(newcomers) {
-            if let Some(newcomer) = newcomer {
-                *entry = *newcomer;
-            }
-        }
-        self.rounds.patience.renew();
-        Ok(missing.0)
+        Ok(())
     }
 
     /// Waits until all participants have entered the new place, and greets them; new programs are also asked for their ports.
