@@ -82,7 +82,7 @@ pub(crate) fn check(scenario: &Scenario, checkpoint: &Checkpoint) -> Result<(), 
 /// Checks that `scenario` can continue from where `unchanged`, the scenario of the run, is `at`.
 ///
 /// # Errors
-/// The keys that prevent it. An instant after the end is reported by [`super::branch`].
+/// The keys that prevent it. An instant after the end is reported by [`crate::run::branch`].
 pub fn check_branch(scenario: &Scenario, unchanged: &Scenario, at: Rational) -> Result<(), RunFailure> {
     let (own, before) = (stand(scenario, at)?, stand(unchanged, at)?);
     if !own.goes_on || own.done.len() != before.done.len() {
