@@ -40,7 +40,7 @@ impl Between {
         read: Read,
         t: Ticks,
         out: &mut [u8],
-    ) -> Result<Option<u64>, StepError> {
+    ) -> Result<Option<u64>, Box<StepError>> {
         let (before, after) = match read {
             Read::Initial => return Ok(None),
             Read::Sample(index) => (index, None),
@@ -66,7 +66,7 @@ impl Between {
         Ok(None)
     }
 
-    fn receive(&mut self, source: &mut Source, index: u64) -> Result<bool, StepError> {
+    fn receive(&mut self, source: &mut Source, index: u64) -> Result<bool, Box<StepError>> {
         self.after.index = None;
         let there = source.receive_to(index, self.after.payload.bytes_mut())?;
         self.after.index = there.then_some(index);

@@ -19,6 +19,8 @@ pub(super) struct InputState {
     pub(super) port: usize,
     source: Source,
     schedule: ReadSchedule,
+    /// What the current activation reads, while it is not there yet: the schedule is asked once.
+    due: Option<Read>,
     /// The value of the input where no sample is read.
     initial: Vec<u8>,
     shows_initial: bool,
@@ -45,6 +47,7 @@ impl InputState {
             port: link.input as usize,
             source: Source::new(link, message, timebase, receiver, backlog),
             schedule,
+            due: None,
             initial: link.initial.payload(descriptor.size as usize),
             shows_initial: false,
             conversion: conversion(link, descriptor)
@@ -57,14 +60,19 @@ impl InputState {
         self.source.prepare()
     }
 
-    /// What the next activation reads. To be called once per activation.
-    pub(super) fn next_read(&mut self) -> Read {
-        self.schedule.advance()
+    /// Fetches what the next activation, at `t`, reads, into `payload` if that is what the input shows; returns the index of a sample that
+    /// has not arrived yet, and is then to be called again.
+    pub(super) fn fetch(&mut self, t: Ticks, payload: &mut [u8]) -> Result<Option<u64>, Box<StepError>> {
+        let read = self.due.take().unwrap_or_else(|| self.schedule.advance());
+        let missing = self.fetch_due(read, t, payload)?;
+        if missing.is_some() {
+            self.due = Some(read);
+        }
+        Ok(missing)
     }
 
-    /// Fetches what `read` names at `t`, into `payload` if that is what the input shows; returns the index of a sample that has not
-    /// arrived yet.
-    pub(super) fn fetch(&mut self, read: Read, t: Ticks, payload: &mut [u8]) -> Result<Option<u64>, StepError> {
+    #[inline]
+    fn fetch_due(&mut self, read: Read, t: Ticks, payload: &mut [u8]) -> Result<Option<u64>, Box<StepError>> {
         let (Read::Sample(index) | Read::Between(index, _)) = read else {
             if !self.shows_initial && self.conversion.is_none() {
                 payload.copy_from_slice(&self.initial);

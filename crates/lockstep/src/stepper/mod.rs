@@ -30,7 +30,6 @@ use output::{ConsumerState, Disturbed, OutputState};
 use progress::{Orders, Parked, Phase};
 
 use crate::fault::Injector;
-use crate::link::Read;
 use crate::participant::{Failure, Inputs, Kind, Log, Outputs, Participant, ValueCheck};
 use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
@@ -117,6 +116,7 @@ impl Stepper {
                 .collect(),
             disturbed: Injector::new(&output.faults, assignment.timebase)
                 .map(|injector| Disturbed::new(injector, port.descriptor.size as usize)),
+            served: 0,
         });
         let mut outputs: Vec<_> = outputs.collect();
         let mut output_buffers = Outputs::of(interface, Log::new(&assignment.name, None));
@@ -222,6 +222,10 @@ impl Stepper {
 
     /// Works until an activation is complete, or until something is missing. Another call continues where this one stopped.
     pub fn poll(&mut self) -> Result<Progress, StepError> {
+        self.work().map_err(|error| *error)
+    }
+
+    fn work(&mut self) -> Result<Progress, Box<StepError>> {
         loop {
             match self.phase {
                 Phase::Initialise => self.initialise()?,
@@ -237,10 +241,10 @@ impl Stepper {
                     for seen in &self.seen {
                         seen.undo(self.input_buffers.payloads[seen.port].bytes_mut());
                     }
-                    self.phase = Phase::Gather { input: 0, read: None };
+                    self.phase = Phase::Gather { input: 0 };
                 }
-                Phase::Gather { input, read } => {
-                    if let Some(wait) = self.gather(input, read)? {
+                Phase::Gather { input } => {
+                    if let Some(wait) = self.gather(input)? {
                         return Ok(Progress::Waiting(wait));
                     }
                 }
@@ -265,18 +269,14 @@ impl Stepper {
                         return Ok(Progress::Waiting(Wait::Recording));
                     }
                 }
-                Phase::Publish { output, consumer } => {
-                    if output < self.outputs.len() {
-                        if !self.publish(output, consumer)? {
-                            return Ok(Progress::Waiting(Wait::Room { output, consumer }));
-                        }
-                    } else if self.initialised {
+                Phase::Publish { output } => {
+                    if let Some(wait) = self.publish(output)? {
+                        return Ok(Progress::Waiting(wait));
+                    }
+                    self.phase = Phase::Rest;
+                    if std::mem::replace(&mut self.initialised, true) {
                         self.next += 1;
-                        self.phase = Phase::Rest;
                         return Ok(Progress::Stepped);
-                    } else {
-                        self.initialised = true;
-                        self.phase = Phase::Rest;
                     }
                 }
             }
@@ -303,29 +303,21 @@ impl Stepper {
         Ok(())
     }
 
-    fn gather(&mut self, number: usize, read: Option<Read>) -> Result<Option<Wait>, StepError> {
-        let Some(input) = self.inputs.get_mut(number) else {
-            for input in &self.assembled {
-                input.assemble(&self.inputs, &mut self.input_buffers)?;
+    /// Gets the samples of the links from number `first` on.
+    fn gather(&mut self, first: usize) -> Result<Option<Wait>, Box<StepError>> {
+        let t = self.next_instant();
+        for (number, input) in self.inputs.iter_mut().enumerate().skip(first) {
+            let payload = self.input_buffers.payloads[input.port].bytes_mut();
+            if let Some(index) = input.fetch(t, payload)? {
+                self.phase = Phase::Gather { input: number };
+                return Ok(Some(Wait::Sample { input: number, index }));
             }
-            self.disturb_inputs();
-            self.phase = Phase::Ready;
-            return Ok(None);
-        };
-        let payload = self.input_buffers.payloads[input.port].bytes_mut();
-        let read = read.unwrap_or_else(|| input.next_read());
-        let t = self.assignment.sample_time.instant(self.next);
-        if let Some(index) = input.fetch(read, t, payload)? {
-            self.phase = Phase::Gather {
-                input: number,
-                read: Some(read),
-            };
-            return Ok(Some(Wait::Sample { input: number, index }));
         }
-        self.phase = Phase::Gather {
-            input: number + 1,
-            read: None,
-        };
+        for input in &self.assembled {
+            input.assemble(&self.inputs, &mut self.input_buffers)?;
+        }
+        self.disturb_inputs();
+        self.phase = Phase::Ready;
         Ok(None)
     }
 
@@ -338,25 +330,24 @@ impl Stepper {
         }
     }
 
-    /// Appends the value that the input of `seen` number `number` had at this activation to the tape, after the outputs.
-    fn look(&mut self, number: usize) -> Result<bool, StepError> {
-        let Some(seen) = self.seen.get(number) else {
-            self.prepare_to_publish();
-            return Ok(true);
-        };
+    /// Appends the values that the inputs of `seen` had at this activation, from number `first` on, to the tape, after the outputs.
+    fn look(&mut self, first: usize) -> Result<bool, StepError> {
         let header = Header {
             index: self.next,
-            stamp: self.assignment.sample_time.instant(self.next),
+            stamp: self.next_instant(),
         };
-        let payload = match seen.observed.contains(header.index) {
-            true => self.input_buffers.payloads[seen.port].bytes(),
-            false => &[],
-        };
-        let appended = self.recording.try_append(seen.stream, header, payload);
-        if !appended.map_err(to_the_recorder)? {
-            return Ok(false);
+        for (number, seen) in self.seen.iter().enumerate().skip(first) {
+            let payload = match seen.observed.contains(header.index) {
+                true => self.input_buffers.payloads[seen.port].bytes(),
+                false => &[],
+            };
+            let appended = self.recording.try_append(seen.stream, header, payload);
+            if !appended.map_err(to_the_recorder)? {
+                self.phase = Phase::Look { seen: number };
+                return Ok(false);
+            }
         }
-        self.phase = Phase::Look { seen: number + 1 };
+        self.prepare_to_publish();
         Ok(true)
     }
 
@@ -388,25 +379,22 @@ impl Stepper {
         }
     }
 
-    fn record(&mut self, number: usize) -> Result<bool, StepError> {
+    /// Appends the outputs from number `first` on to the tape.
+    fn record(&mut self, first: usize) -> Result<bool, StepError> {
         let header = self.header();
-        let Some(output) = self.outputs.get_mut(number) else {
-            if self.initialised && !self.seen.is_empty() {
-                self.phase = Phase::Look { seen: 0 };
-            } else {
-                self.prepare_to_publish();
+        for (number, output) in self.outputs.iter_mut().enumerate().skip(first) {
+            let payload = output.record(&self.output_buffers.payloads[number]);
+            let appended = self.recording.try_append(output.stream, header, payload);
+            if !appended.map_err(to_the_recorder)? {
+                self.phase = Phase::Record { output: number };
+                return Ok(false);
             }
-            return Ok(true);
-        };
-        let payload = output.record(&self.output_buffers.payloads[number]);
-        let appended = self
-            .recording
-            .try_append(output.stream, header, payload)
-            .map_err(to_the_recorder)?;
-        if appended {
-            self.phase = Phase::Record { output: number + 1 };
         }
-        Ok(appended)
+        if self.initialised && !self.seen.is_empty() {
+            return self.look(0);
+        }
+        self.prepare_to_publish();
+        Ok(true)
     }
 
     /// Commits the activation to the tape. Samples that no consumer reads are not sent.
@@ -416,34 +404,22 @@ impl Stepper {
         for (output, payload) in self.outputs.iter_mut().zip(&self.output_buffers.payloads) {
             output.disturb(header, payload.bytes());
         }
-        let output = if self.outputs.iter().any(OutputState::is_wanted) {
-            0
-        } else {
-            self.outputs.len()
-        };
-        self.phase = Phase::Publish { output, consumer: 0 };
+        self.phase = Phase::Publish { output: 0 };
     }
 
-    fn publish(&mut self, output: usize, consumer: usize) -> Result<bool, StepError> {
+    /// Sends the outputs from number `first` on to their consumers; those that nobody reads are not sent.
+    fn publish(&mut self, first: usize) -> Result<Option<Wait>, Box<StepError>> {
         let header = self.header();
-        let state = &mut self.outputs[output];
-        if consumer >= state.consumers.len() {
-            self.phase = Phase::Publish {
-                output: output + 1,
-                consumer: 0,
-            };
-            return Ok(true);
+        for (number, output) in self.outputs.iter_mut().enumerate().skip(first) {
+            if let Some(consumer) = output.publish(header, self.output_buffers.payloads[number].bytes())? {
+                self.phase = Phase::Publish { output: number };
+                return Ok(Some(Wait::Room {
+                    output: number,
+                    consumer,
+                }));
+            }
         }
-        if state.consumers[consumer].wants
-            && !state.send(consumer, header, self.output_buffers.payloads[output].bytes())?
-        {
-            return Ok(false);
-        }
-        self.phase = Phase::Publish {
-            output,
-            consumer: consumer + 1,
-        };
-        Ok(true)
+        Ok(None)
     }
 }
 

@@ -20,6 +20,8 @@ pub(super) struct OutputState {
     pub(super) values: ValueCheck,
     pub(super) consumers: Vec<ConsumerState>,
     pub(super) disturbed: Option<Disturbed>,
+    /// The number of consumers that the current sample has been sent to, or that do not read it.
+    pub(super) served: usize,
 }
 
 /// The sample sent to consumers after signal faults have been applied.
@@ -54,11 +56,6 @@ impl OutputState {
         !self.observed.is_nothing() || !self.consumers.is_empty() || self.disturbed.is_some()
     }
 
-    /// Whether any consumer reads the current sample.
-    pub(super) fn is_wanted(&self) -> bool {
-        self.consumers.iter().any(|consumer| consumer.wants)
-    }
-
     /// The bytes of the current sample for the recorder: none when it is not observed.
     pub(super) fn record<'a>(&self, given: &'a Payload) -> &'a [u8] {
         if self.recorded { given.bytes() } else { &[] }
@@ -72,15 +69,24 @@ impl OutputState {
         }
     }
 
-    /// Sends the sample, after signal faults, to one consumer; `false` when there is no room.
-    pub(super) fn send(&mut self, consumer: usize, header: Header, given: &[u8]) -> Result<bool, StepError> {
-        let reader = &mut self.consumers[consumer];
-        let payload = self
-            .disturbed
-            .as_ref()
-            .map_or(given, |disturbed| disturbed.payload.bytes());
-        let sent = reader.sender.try_send(header, payload);
-        sent.map_err(|source| reader.broken(source))
+    /// Sends the sample, after signal faults, to the consumers that read it; returns the one for which there is no room, and is then to be
+    /// called again.
+    pub(super) fn publish(&mut self, header: Header, given: &[u8]) -> Result<Option<usize>, Box<StepError>> {
+        let disturbed = self.disturbed.as_ref();
+        let payload = disturbed.map_or(given, |disturbed| disturbed.payload.bytes());
+        let consumers = self.consumers.iter_mut().enumerate().skip(self.served);
+        for (number, reader) in consumers.filter(|(_, reader)| reader.wants) {
+            match reader.sender.try_send(header, payload) {
+                Ok(true) => {}
+                Ok(false) => {
+                    self.served = number;
+                    return Ok(Some(number));
+                }
+                Err(source) => return Err(Box::new(reader.broken(source))),
+            }
+        }
+        self.served = 0;
+        Ok(None)
     }
 
     pub(super) fn prepare(&mut self) -> Result<(), StepError> {

@@ -1,6 +1,5 @@
 //! The ends of a stepper's links, its progress, and what it waits for.
 
-use crate::link::Read;
 use crate::participant::{Failure, Step};
 use crate::transport::{Receiver, Recording, Sender};
 
@@ -63,15 +62,16 @@ pub(super) struct Orders {
     pub(super) answered: bool,
 }
 
-/// The phase of the work on an activation.
+/// The phase of the work on an activation. It is written where the work stops or changes, not for every link and output: what is written
+/// in parts and read at once has to wait for every write before it, also for those to lines of shared memory that another core has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Phase {
     /// The outputs for the first instant have not been written.
     Initialise,
     /// Between activations.
     Rest,
-    /// Getting the sample of this link; the schedule is asked once what it reads.
-    Gather { input: usize, read: Option<Read> },
+    /// Getting the sample of this link.
+    Gather { input: usize },
     /// The inputs are complete, as the participant sees them.
     Ready,
     /// All inputs have been received; the caller executes the step.
@@ -80,8 +80,8 @@ pub(super) enum Phase {
     Record { output: usize },
     /// Appending to the tape the value that an input had, where a fault may have changed it.
     Look { seen: usize },
-    /// Sending this output to this consumer.
-    Publish { output: usize, consumer: usize },
+    /// Sending this output to its consumers.
+    Publish { output: usize },
 }
 
 /// A step that the caller executes.

@@ -64,7 +64,7 @@ impl Source {
     }
 
     /// Receives samples into `payload` up to `index`; returns whether that one has arrived.
-    pub(super) fn receive_to(&mut self, index: u64, payload: &mut [u8]) -> Result<bool, StepError> {
+    pub(super) fn receive_to(&mut self, index: u64, payload: &mut [u8]) -> Result<bool, Box<StepError>> {
         while self.is_behind(index) {
             let received = self.receive(payload).map_err(|source| self.broken(source))?;
             let Some(header) = received else { return Ok(false) };
@@ -92,12 +92,12 @@ impl Source {
 
     /// Checks a sample. A producer may send samples that no consumer reads; it must not repeat, reorder or omit samples, and must give
     /// the true stamp of each.
-    fn check(&self, header: Header, wanted: u64, payload: &[u8]) -> Result<(), StepError> {
+    fn check(&self, header: Header, wanted: u64, payload: &[u8]) -> Result<(), Box<StepError>> {
         let bad = |what: String| {
-            Err(StepError::BadSample {
+            Err(Box::new(StepError::BadSample {
                 from: self.from.clone(),
                 what,
-            })
+            }))
         };
         if let Some(received) = self.received.filter(|&received| header.index <= received) {
             return bad(format!(
