@@ -55,6 +55,21 @@ const DOUBLE_ONE: u64 = 1 << 52;
 const SINGLE_EXPONENT: u32 = 0xff << 23;
 const SINGLE_ONE: u32 = 1 << 23;
 
+/// Whether all doubles of `bytes` are finite.
+///
+/// The exponent alone decides. Only an exponent of all ones overflows into the sign bit when one is added. Every processor has SIMD
+/// additions of this width; not every one has SIMD comparisons of it.
+#[inline(never)]
+fn are_finite(bytes: &[u8]) -> bool {
+    let finite = |words: &[[u8; 8]]| {
+        let sum = |word: &[u8; 8]| (u64::from_le_bytes(*word) & DOUBLE_EXPONENT) + DOUBLE_ONE;
+        words.iter().fold(0, |all, word| all | sum(word)) >> 63 == 0
+    };
+    // Blocks of a known size are computed with SIMD without a loop, those after an answer are not computed.
+    let (blocks, rest) = bytes.as_chunks::<8>().0.as_chunks::<8>();
+    blocks.iter().all(|block| finite(block)) && finite(rest)
+}
+
 /// The elements of a payload whose type does not allow every bit pattern, merged into runs.
 #[derive(Debug, Clone)]
 pub(crate) struct ValueCheck {
@@ -66,6 +81,8 @@ pub(crate) struct ValueCheck {
     bytes: Vec<(Range<usize>, [u64; 4])>,
     /// Texts and bytes.
     contents: Vec<(Range<usize>, Element)>,
+    /// Whether there are no others than doubles: most payloads.
+    only_doubles: bool,
 }
 
 impl ValueCheck {
@@ -91,10 +108,12 @@ impl ValueCheck {
             }
             allowed
         };
+        let singles = runs(Element::F32);
         ValueCheck {
             disturbed,
             doubles: runs(Element::F64),
-            singles: runs(Element::F32),
+            only_doubles: singles.is_empty() && bytes.is_empty() && contents.is_empty(),
+            singles,
             bytes: bytes.iter().map(|field| (field.range(), allowed(field))).collect(),
             contents: contents.iter().map(|field| (field.range(), field.element)).collect(),
         }
@@ -102,21 +121,19 @@ impl ValueCheck {
 
     /// True when every element is a value of its type.
     pub(crate) fn passes(&self, payload: &[u8]) -> bool {
-        // The exponent alone decides whether a number is finite. Only an exponent of all ones overflows into the sign bit when one is
-        // added. Every processor has SIMD additions of this width; not every one has SIMD comparisons of it.
-        let mut doubles = 0;
-        for run in &self.doubles {
-            for chunk in payload[run.clone()].as_chunks::<8>().0 {
-                doubles |= (u64::from_le_bytes(*chunk) & DOUBLE_EXPONENT) + DOUBLE_ONE;
-            }
-        }
+        let finite = self.doubles.iter().all(|run| are_finite(&payload[run.clone()]));
+        finite && (self.only_doubles || self.others_pass(payload))
+    }
+
+    /// The same for elements other than doubles.
+    fn others_pass(&self, payload: &[u8]) -> bool {
         let mut singles = 0;
         for run in &self.singles {
             for chunk in payload[run.clone()].as_chunks::<4>().0 {
                 singles |= (u32::from_le_bytes(*chunk) & SINGLE_EXPONENT) + SINGLE_ONE;
             }
         }
-        let mut good = doubles >> 63 == 0 && singles >> 31 == 0;
+        let mut good = singles >> 31 == 0;
         for (run, allowed) in &self.bytes {
             for byte in &payload[run.clone()] {
                 good &= allowed[usize::from(byte / 64)] >> (byte % 64) & 1 == 1;

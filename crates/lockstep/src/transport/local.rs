@@ -45,7 +45,7 @@ pub struct LocalReceiver {
 
 /// A link that holds up to `capacity` samples of `size` bytes. All of its memory is allocated here.
 pub fn link(size: usize, capacity: usize) -> (LocalSender, LocalReceiver) {
-    let slots = Slots { size, capacity };
+    let slots = Slots::new(size, capacity);
     let ring = Arc::new(Ring {
         slots,
         words: (0..slots.words()).map(|_| Word::new(0)).collect(),

@@ -136,7 +136,7 @@ fn death_within_an_activation_leaves_whole_ones() {
 /// A participant records a sample, then shows it to a neighbour; who knows that the neighbour has it, looks into the record.
 fn record_then_show(lacks: Option<Ordering>) {
     check(3, move || {
-        let slots = Slots { size: 8, capacity: 1 };
+        let slots = Slots::new(8, 1);
         let (record, recorded) = (memory(LINE + SIZE), Board::new(0));
         let (link, taken) = (memory(slots.words()), Board::new(0));
         let participant = {

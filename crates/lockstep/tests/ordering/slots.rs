@@ -21,7 +21,7 @@ fn payload_of(index: u64) -> [u8; 8] {
 /// Hands `samples` samples through a ring for `capacity` of them.
 fn hand_over(samples: u64, capacity: usize, lacks: Lacks) {
     check(3, move || {
-        let slots = Slots { size: 8, capacity };
+        let slots = Slots::new(8, capacity);
         let (words, count) = (memory(slots.words()), Board::new(0));
         let (sender_words, sender_count) = (words.clone(), count.clone());
         let sending = thread::spawn(move || {

@@ -12,7 +12,7 @@ use crate::transport::lock_free::sync::{Ordering, lack};
 use crate::transport::lock_free::words::Word;
 use crate::waiting::Patience;
 
-const SLOTS: Slots = Slots { size: 8, capacity: 1 };
+const SLOTS: Slots = Slots::new(8, 1);
 
 /// One end of a link, with what it has to sleep and to wake the other.
 struct End {

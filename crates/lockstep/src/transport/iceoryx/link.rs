@@ -8,7 +8,7 @@ use crate::transport::lock_free::words::LINE;
 
 /// The size of the ring of a link for `capacity` samples of `size` bytes, bytes.
 pub(super) fn ring_bytes(size: usize, capacity: usize) -> u64 {
-    8 * Slots { size, capacity }.words() as u64
+    8 * Slots::new(size, capacity).words() as u64
 }
 
 /// The service of one link. It exists as long as this value is held.
@@ -22,7 +22,7 @@ impl LinkService {
     pub fn create(domain: &Domain, link: u32, size: usize, capacity: usize) -> Result<LinkService, DomainError> {
         Ok(LinkService {
             ring: RingService::create(domain, &format!("link/{link}"), 1)?,
-            slots: Slots { size, capacity },
+            slots: Slots::new(size, capacity),
         })
     }
 
@@ -30,7 +30,7 @@ impl LinkService {
     pub fn open(domain: &Domain, link: u32, size: usize, capacity: usize) -> Result<LinkService, DomainError> {
         Ok(LinkService {
             ring: RingService::open(domain, &format!("link/{link}"))?,
-            slots: Slots { size, capacity },
+            slots: Slots::new(size, capacity),
         })
     }
 
@@ -138,7 +138,7 @@ mod tests {
     }
 
     fn receiver_stride() -> usize {
-        let slots = Slots { size: 64, capacity: 4 };
+        let slots = Slots::new(64, 4);
         slots.stride()
     }
 }

@@ -1,6 +1,8 @@
 //! A participant's status, for processes that may have to wake it or to explain a stall.
 
-use iceoryx2::port::reader::{EntryHandle, Reader};
+use std::cell::RefCell;
+
+use iceoryx2::port::reader::{BlackboardValue, EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
@@ -8,6 +10,7 @@ use iceoryx2::service::port_factory::blackboard::PortFactory;
 use super::domain::{Domain, DomainError};
 use super::ipc::Ipc;
 use crate::transport::lock_free::asleep::{self, Announce, Sleeping};
+use crate::transport::lock_free::board::Get;
 
 const ASLEEP: u64 = 0;
 const STATUS: u64 = 1;
@@ -147,9 +150,27 @@ impl Announce for StatusWriter {
     }
 }
 
+/// The *asleep* word of another participant. Reading a blackboard writes to it (a compare-and-exchange), which takes the line away from its
+/// owner: while nothing was written, its count of writes is read alone.
+struct AsleepWord {
+    handle: EntryHandle<Ipc, u64, u64>,
+    known: RefCell<BlackboardValue<u64>>,
+}
+
+impl Get<u64> for AsleepWord {
+    #[inline]
+    fn get(&self) -> u64 {
+        let mut known = self.known.borrow_mut();
+        if !self.handle.is_up_to_date(&known) {
+            *known = self.handle.get();
+        }
+        **known
+    }
+}
+
 /// The reading end, for other processes.
 pub struct StatusReader {
-    asleep: EntryHandle<Ipc, u64, u64>,
+    asleep: AsleepWord,
     row: EntryHandle<Ipc, u64, Row>,
     _reader: Reader<Ipc, u64>,
     _service: PortFactory<Ipc, u64>,
@@ -166,8 +187,12 @@ impl StatusReader {
             .open()
             .map_err(|error| failed(&error))?;
         let reader = service.reader_builder().create().map_err(|error| failed(&error))?;
+        let handle = reader.entry::<u64>(&ASLEEP).map_err(|error| failed(&error))?;
         Ok(StatusReader {
-            asleep: reader.entry::<u64>(&ASLEEP).map_err(|error| failed(&error))?,
+            asleep: AsleepWord {
+                known: RefCell::new(handle.get()),
+                handle,
+            },
             row: reader.entry::<Row>(&STATUS).map_err(|error| failed(&error))?,
             _reader: reader,
             _service: service,

@@ -17,21 +17,32 @@ pub(crate) struct Slots {
     /// Bytes of a payload.
     pub(crate) size: usize,
     pub(crate) capacity: usize,
+    /// Words of a slot.
+    stride: usize,
 }
 
 impl Slots {
+    /// A ring of `capacity` slots for payloads of `size` bytes.
+    pub(crate) const fn new(size: usize, capacity: usize) -> Slots {
+        Slots {
+            size,
+            capacity,
+            stride: (HEAD + size.div_ceil(8)).next_multiple_of(LINE),
+        }
+    }
+
     /// Words of a slot.
     pub(crate) fn stride(self) -> usize {
-        (HEAD + self.size.div_ceil(8)).next_multiple_of(LINE)
+        self.stride
     }
 
     pub(crate) fn words(self) -> usize {
-        self.stride() * self.capacity
+        self.stride * self.capacity
     }
 
     /// The first word of the slot after the one at `first`.
     fn behind(self, first: usize) -> usize {
-        let next = first + self.stride();
+        let next = first + self.stride;
         if next < self.words() { next } else { 0 }
     }
 

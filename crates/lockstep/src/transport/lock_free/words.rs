@@ -60,11 +60,16 @@ pub(crate) fn put(words: &[Word], bytes: &[u8]) {
 /// Reads as many bytes as `bytes` has.
 pub(crate) fn take(words: &[Word], bytes: &mut [u8]) {
     let (whole, rest) = bytes.as_chunks_mut::<8>();
-    words
-        .iter()
-        .zip(&mut *whole)
-        .for_each(|(word, bytes)| *bytes = word.get().to_ne_bytes());
+    let words = &words[..whole.len() + usize::from(!rest.is_empty())];
+    let copy = |(word, bytes): (&Word, &mut [u8; 8])| *bytes = word.get().to_ne_bytes();
+    // Line by line: atomic reads are not combined, but those of a line need no loop.
+    let (lines, last) = words.as_chunks::<LINE>();
+    let (whole_lines, whole_last) = whole.as_chunks_mut::<LINE>();
+    for (line, bytes) in lines.iter().zip(whole_lines) {
+        line.iter().zip(bytes).for_each(copy);
+    }
+    last.iter().zip(&mut *whole_last).for_each(copy);
     if !rest.is_empty() {
-        rest.copy_from_slice(&words[whole.len()].get().to_ne_bytes()[..rest.len()]);
+        rest.copy_from_slice(&words[words.len() - 1].get().to_ne_bytes()[..rest.len()]);
     }
 }
