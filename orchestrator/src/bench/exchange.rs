@@ -2,14 +2,13 @@
 
 use std::io::Read;
 use std::process::{Child, Stdio};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use lockstep::transport::iceoryx::bare::{Bare, Payload};
 use lockstep::transport::iceoryx::{Address, Domain};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-use super::Figures;
+use super::{Figures, polled};
 use engine::run::{Wait, ending_of_process};
 use engine::scope::Scope;
 
@@ -18,34 +17,46 @@ const ROUND: u64 = 50_000;
 /// The environment variable with the address of the run for a child.
 const TABLE: &str = "ESCAPEMENT_BENCH";
 
-/// Nanoseconds per exchange: in lockstep, over bare iceoryx2, over bare atomics.
+/// Nanoseconds per exchange of 27 doubles each way.
 pub struct Exchange {
-    /// Two participants that exchange 27 doubles each way, recording included.
+    /// Two participants in processes of their own, recording included.
     pub lockstep: Figures,
+    /// The same with nothing recorded, so that the recorder sleeps: a core for each participant.
+    pub unrecorded: Figures,
     /// The same payload over two bare publish-subscribe services, polled.
     pub bare: Figures,
+    /// The same payload over two rings of slots between two threads, polled.
+    pub rings: Figures,
     /// The same payload over two atomic counters in memory shared by two cores.
     pub atomics: Figures,
 }
 
-/// Measures `rounds` rounds of each, alternating. The last argument runs one lockstep round and returns seconds per
+/// Measures `rounds` rounds of each, alternating. The last argument runs one lockstep round, recorded or not, and returns seconds per
 /// exchange.
-pub fn exchange(rounds: usize, mut lockstep: impl FnMut(u64, Wait) -> anyhow::Result<f64>) -> anyhow::Result<Exchange> {
+pub fn exchange(
+    rounds: usize,
+    mut lockstep: impl FnMut(u64, Wait, bool) -> anyhow::Result<f64>,
+) -> anyhow::Result<Exchange> {
     let mut all = Exchange {
         lockstep: Figures::default(),
+        unrecorded: Figures::default(),
         bare: Figures::default(),
+        rings: Figures::default(),
         atomics: Figures::default(),
     };
     let wait = if cores().len() > 1 { Wait::Spin } else { Wait::Yield };
     for _ in 0..rounds {
-        all.lockstep.add(1e9 * lockstep(ROUND, wait)?);
+        all.lockstep.add(1e9 * lockstep(ROUND, wait, true)?);
         all.bare.add(bare_round()?);
-        all.atomics.add(atomic_round());
+        // Four times as many: start and end of the run are not to be seen in the figure.
+        all.unrecorded.add(1e9 * lockstep(4 * ROUND, wait, false)?);
+        all.rings.add(polled::rings(ROUND));
+        all.atomics.add(polled::cells(ROUND));
     }
     Ok(all)
 }
 
-fn cores() -> Vec<usize> {
+pub(super) fn cores() -> Vec<usize> {
     let allowed = sched_getaffinity(None).ok();
     allowed
         .map(|set| (0..CpuSet::MAX_CPU).filter(|&core| set.is_set(core)).collect())
@@ -53,7 +64,7 @@ fn cores() -> Vec<usize> {
 }
 
 /// Pins this thread to the core number `which` of those that it may use.
-fn tie_to(which: usize) {
+pub(super) fn tie_to(which: usize) {
     let cores = cores();
     if cores.len() > 1 {
         let mut set = CpuSet::new();
@@ -153,55 +164,4 @@ fn play(first: bool) -> anyhow::Result<()> {
     }
     println!("{}", started.elapsed().as_nanos() as f64 / ROUND as f64);
     Ok(())
-}
-
-/// Two threads on two cores, the payload in shared cells guarded by two counters: the cost of moving cache lines.
-fn atomic_round() -> f64 {
-    struct Cell {
-        count: AtomicU64,
-        values: [AtomicU64; 27],
-    }
-    let make = || Cell {
-        count: AtomicU64::new(0),
-        values: [const { AtomicU64::new(0) }; 27],
-    };
-    let cells = &[make(), make()];
-    let yielding = cores().len() < 2;
-    let put = |cell: &Cell, round: u64| {
-        cell.values
-            .iter()
-            .for_each(|value| value.store(round, Ordering::Relaxed));
-        cell.count.store(round, Ordering::Release);
-    };
-    let take = |cell: &Cell, round: u64| {
-        while cell.count.load(Ordering::Acquire) != round {
-            std::hint::spin_loop();
-            if yielding {
-                rustix::thread::sched_yield();
-            }
-        }
-        cell.values
-            .iter()
-            .map(|value| value.load(Ordering::Relaxed))
-            .sum::<u64>()
-    };
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            tie_to(0);
-            for round in 1..=ROUND {
-                take(&cells[0], round);
-                put(&cells[1], round);
-            }
-        });
-        let timed = scope.spawn(|| {
-            tie_to(1);
-            let started = Instant::now();
-            for round in 1..=ROUND {
-                put(&cells[0], round);
-                take(&cells[1], round);
-            }
-            started.elapsed().as_nanos() as f64 / ROUND as f64
-        });
-        timed.join().unwrap_or(f64::NAN)
-    })
 }

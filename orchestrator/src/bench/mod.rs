@@ -5,6 +5,7 @@ mod deaths;
 mod exchange;
 mod figures;
 mod participants;
+mod polled;
 mod scaling;
 mod share;
 
@@ -12,6 +13,6 @@ pub use ahead::{STEPS, ahead};
 pub use deaths::deaths;
 pub use exchange::{be_an_end, exchange};
 pub use figures::Figures;
-pub use participants::{register, ring};
+pub use participants::{register, ring, unrecorded};
 pub use scaling::scaling;
 pub use share::share;

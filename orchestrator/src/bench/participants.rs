@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use engine::Catalogue;
-use engine::scenario::{ConnectionSpec, ParticipantSpec, ScenarioSpec};
+use engine::scenario::{ConnectionSpec, ParticipantSpec, RecordSpec, ScenarioSpec};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
 
 lockstep::message! {
@@ -88,6 +88,12 @@ pub fn ring(count: usize, steps: u64) -> ScenarioSpec {
         ring.participant(&format!("r{number:02}"), ParticipantSpec::builtin(kind).every("1 ms"))
             .connection(&format!("c{number:02}"), link)
     })
+}
+
+/// The scenario with nothing of its participants recorded.
+pub fn unrecorded(scenario: ScenarioSpec) -> ScenarioSpec {
+    let names: Vec<String> = scenario.participants.keys().cloned().collect();
+    (names.iter()).fold(scenario, |scenario, name| scenario.record(name, RecordSpec::Nothing))
 }
 
 /// Two workers that compute `turns` turns per step and read each other with a delay of `late` steps, for `steps` steps.

@@ -38,16 +38,25 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
         "{} rounds of each, in turn; figures are 5th percentile, median and 95th percentile, ratios those of each round",
         args.rounds
     );
-    let all = bench::exchange(args.rounds, |steps, wait| ring(folder, 2, steps, wait))?;
+    let all = bench::exchange(args.rounds, |steps, wait, recorded| {
+        let ring = bench::ring(2, steps);
+        stepped(folder, if recorded { ring } else { bench::unrecorded(ring) }, steps, wait)
+    })?;
     println!("\none exchange of 27 doubles each way between two processes, ns");
     row("lockstep, recording on", &all.lockstep);
     row("bare iceoryx2 publish-subscribe, polled", &all.bare);
+    row("lockstep, nothing recorded", &all.unrecorded);
+    row("bare rings of slots, polled, two threads", &all.rings);
     row("bare atomics, two threads", &all.atomics);
     row("  lockstep / bare iceoryx2", &all.lockstep.beside(&all.bare));
+    row(
+        "  nothing recorded / bare rings of slots",
+        &all.unrecorded.beside(&all.rings),
+    );
     row("  lockstep / bare atomics", &all.lockstep.beside(&all.atomics));
 
     let sizes = bench::scaling(args.rounds.min(5), args.participants, |size, steps| {
-        ring(folder, size, steps, Wait::Auto)
+        stepped(folder, bench::ring(size, steps), steps, Wait::Auto)
     })?;
     println!("\none activation in a ring of N participants, ns");
     for (size, figures) in &sizes {
@@ -74,7 +83,7 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
             ),
         ] {
             let figures = bench::deaths(count, &folder.join("run"), || {
-                ring_run(folder, size, FAR, Wait::Auto, pace)
+                run_ring(folder, bench::ring(size, FAR), Wait::Auto, pace)
             })?;
             row(name, &figures);
             println!(
@@ -140,18 +149,18 @@ fn worked(folder: &Path, spec: &ScenarioSpec, in_process: bool) -> anyhow::Resul
 /// More steps than a run ever reaches here.
 const FAR: u64 = 1_000_000_000;
 
-/// Runs a ring of relays; returns seconds per step.
-fn ring(folder: &Path, count: usize, steps: u64, wait: Wait) -> anyhow::Result<f64> {
-    let outcome = ring_run(folder, count, steps, wait, None)?;
+/// Runs a ring of relays for `steps` steps; returns seconds per step.
+fn stepped(folder: &Path, ring: ScenarioSpec, steps: u64, wait: Wait) -> anyhow::Result<f64> {
+    let outcome = run_ring(folder, ring, wait, None)?;
     outcome.folder.iter().try_for_each(std::fs::remove_dir_all)?;
     if outcome.ending != engine::run::Ending::Complete {
-        anyhow::bail!("the ring of {count} did not run to its end: {:?}", outcome.ending);
+        anyhow::bail!("a ring did not run to its end: {:?}", outcome.ending);
     }
     Ok(outcome.wall_s / steps as f64)
 }
 
-fn ring_run(folder: &Path, count: usize, steps: u64, wait: Wait, pace: Option<f64>) -> anyhow::Result<Outcome> {
-    let scenario = Scenario::of(catalogue(), bench::ring(count, steps), &folder.join("ring.toml"))?;
+fn run_ring(folder: &Path, ring: ScenarioSpec, wait: Wait, pace: Option<f64>) -> anyhow::Result<Outcome> {
+    let scenario = Scenario::of(catalogue(), ring, &folder.join("ring.toml"))?;
     let out = folder.join("run");
     let options = Options {
         out: Some(out),
