@@ -82,6 +82,21 @@ fn build(release: bool) {
     assert!(status.success(), "the programs do not build");
 }
 
+/// Copies the program `from` to `to`, which can be started at once: another process writes the copy, so that none that this one starts
+/// meanwhile holds it open for writing ("text file busy").
+///
+/// # Panics
+/// When it cannot be copied.
+pub fn copy_program(from: &Path, to: &Path) {
+    let copied = Command::new("cp").arg("--").args([from, to]).status();
+    assert!(
+        copied.expect("cp is there").success(),
+        "{} to {}",
+        from.display(),
+        to.display()
+    );
+}
+
 /// A path as an argument.
 pub fn text(path: &Path) -> &str {
     path.to_str().expect("paths of tests are text")

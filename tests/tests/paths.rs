@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use escapement_tests::program::{
-    Folder, Said, built_as_shipped, finish, orchestrate, orchestrator, participant, root, text,
+    Folder, Said, built_as_shipped, copy_program, finish, orchestrate, orchestrator, participant, root, text,
 };
 use escapement_tests::world::oscillator;
 
@@ -84,7 +84,7 @@ fn scenario_and_its_plan_run_from_everywhere() {
     assert_eq!(given_in(Path::new("/"), &os(&arguments)).code, Some(0));
     // An argument of the command itself is relative to the working directory of the command.
     std::fs::create_dir(out("bin")).unwrap();
-    std::fs::copy(participant("damper"), out("bin/mine")).unwrap();
+    copy_program(&participant("damper"), &out("bin/mine"));
     let arguments = [
         "run",
         text(&scenario),
@@ -105,7 +105,7 @@ fn scenario_and_its_plan_run_from_everywhere() {
         "--",
         "./local.sh",
     ];
-    std::fs::copy(folder.path().join("damper.sh"), out("local.sh")).unwrap();
+    copy_program(&folder.path().join("damper.sh"), &out("local.sh"));
     std::os::unix::fs::symlink("/bin/sh", out("sh")).unwrap();
     let said = given_in(elsewhere.path(), &os(&arguments));
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -118,7 +118,7 @@ fn path_that_is_not_utf8_works_like_any_other() {
     std::fs::create_dir(&odd).unwrap();
     let plain = scripted(&folder);
     for name in ["scripted.toml", "damper.sh"] {
-        std::fs::copy(folder.path().join(name), odd.join(name)).unwrap();
+        copy_program(&folder.path().join(name), &odd.join(name));
     }
     let tape = digest(&orchestrate(&[
         "run",

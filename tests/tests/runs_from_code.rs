@@ -183,17 +183,14 @@ fn future_that_was_left_is_not_on_the_tape() {
 fn two_runs_at_once_do_not_meet_and_a_dropped_one_leaves_nothing() {
     let _alone = alone();
     let folder = Folder::new("two");
-    let others = shared_memory();
     let mut one = Run::start(&scenario(true, true, ""), &into_folder(&folder, "one", false)).unwrap();
-    let mut own = shared_memory();
-    own.retain(|name| !others.contains(name));
+    let own = address();
     let mut two = Run::start(&scenario(true, true, ""), &into_folder(&folder, "two", false)).unwrap();
     one.run_to("1 s").unwrap();
     two.run_to("0.3 s").unwrap();
-    assert_eq!((children(), own.is_empty()), (4, false));
+    assert_eq!((children(), shared_memory(&own).is_empty()), (4, false));
     drop(one);
-    let left = shared_memory();
-    assert!(own.iter().all(|name| !left.contains(name)), "{left:?}");
+    assert_eq!(shared_memory(&own), Vec::<String>::new());
     assert_eq!(children(), 2);
     two.run_to("2 s").unwrap();
     let (digest, outcome) = ended(two);
@@ -209,19 +206,36 @@ fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The folders of runs in shared memory.
-fn shared_memory() -> Vec<String> {
+/// What is in shared memory of the run with this address.
+fn shared_memory(address: &str) -> Vec<String> {
     let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
     let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
-    names.filter(|name| name.starts_with("esc")).collect()
+    names.filter(|name| name.contains(address)).collect()
+}
+
+/// What the names in shared memory of the run of a child process have in common, as the child was told.
+fn address() -> String {
+    let told = statuses().find_map(|(process, _)| std::fs::read_to_string(process.join("environ")).ok());
+    let told = told.expect("a child process");
+    let run = told
+        .split('\0')
+        .find_map(|variable| variable.strip_prefix("ESCAPEMENT_RUN="));
+    let prefix = run.and_then(|run| run.split('@').next()).expect("a run");
+    prefix.trim_start_matches("esc").trim_matches('_').to_owned()
+}
+
+/// The child processes that still exist: folder and status in /proc.
+fn statuses() -> impl Iterator<Item = (PathBuf, String)> {
+    let parent = format!("PPid:\t{}\n", std::process::id());
+    let entries = std::fs::read_dir("/proc").unwrap().flatten();
+    let all =
+        entries.filter_map(|entry| Some((entry.path(), std::fs::read_to_string(entry.path().join("status")).ok()?)));
+    all.filter(move |(_, status)| status.contains(&parent))
 }
 
 /// The number of child processes that still exist.
 fn children() -> usize {
-    let parent = format!("PPid:\t{}\n", std::process::id());
-    let entries = std::fs::read_dir("/proc").unwrap().flatten();
-    let all = entries.filter_map(|entry| std::fs::read_to_string(entry.path().join("status")).ok());
-    all.filter(|status| status.contains(&parent)).count()
+    statuses().count()
 }
 
 #[test]

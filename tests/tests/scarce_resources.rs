@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use escapement_tests::machine::{signal, wait_for_bytes, writer_of};
-use escapement_tests::program::{Folder, Said, finish, orchestrator, participant, root, text};
+use escapement_tests::program::{Folder, Said, copy_program, finish, orchestrator, participant, root, text};
 use escapement_tests::world::{World, oscillator};
 use rustix::process::Signal;
 
@@ -166,7 +166,7 @@ fn a_program_that_takes_long_to_start_is_given_its_time() {
 /// A copy of the program in `folder`, so that another one can take its name.
 fn copy(folder: &Path) -> std::path::PathBuf {
     let copy = folder.join("orchestrator");
-    std::fs::copy(orchestrator(), &copy).expect("the folder can be written");
+    copy_program(orchestrator(), &copy);
     copy
 }
 

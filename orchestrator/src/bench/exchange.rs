@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use lockstep::transport::iceoryx::bare::{Bare, Payload};
 use lockstep::transport::iceoryx::{Address, Domain};
-use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
+use super::cores::{cores, tie_to};
 use super::{Figures, polled};
 use engine::run::{Wait, ending_of_process};
 use engine::scope::Scope;
@@ -54,23 +54,6 @@ pub fn exchange(
         all.atomics.add(polled::cells(ROUND));
     }
     Ok(all)
-}
-
-pub(super) fn cores() -> Vec<usize> {
-    let allowed = sched_getaffinity(None).ok();
-    allowed
-        .map(|set| (0..CpuSet::MAX_CPU).filter(|&core| set.is_set(core)).collect())
-        .unwrap_or_default()
-}
-
-/// Pins this thread to the core number `which` of those that it may use.
-pub(super) fn tie_to(which: usize) {
-    let cores = cores();
-    if cores.len() > 1 {
-        let mut set = CpuSet::new();
-        set.set(cores[which % cores.len()]);
-        let _ = sched_setaffinity(None, &set);
-    }
 }
 
 fn bare_round() -> anyhow::Result<f64> {

@@ -1,6 +1,7 @@
 //! Cost of lockstep on this machine, as ratios of measurements taken side by side.
 
 mod ahead;
+mod cores;
 mod deaths;
 mod exchange;
 mod figures;

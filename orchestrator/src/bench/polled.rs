@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use super::exchange::{cores, tie_to};
+use super::cores::{cores, tie_to};
 
 /// Doubles of a payload.
 const DOUBLES: usize = 27;
@@ -27,7 +27,11 @@ pub(super) fn cells(exchanges: u64) -> f64 {
         until(|| cell.count.load(Ordering::Acquire) == round);
         sum(&cell.values)
     };
-    ping_pong(exchanges, |end, round| put(&cells[end], round), |end, round| take(&cells[end], round))
+    ping_pong(
+        exchanges,
+        |end, round| put(&cells[end], round),
+        |end, round| take(&cells[end], round),
+    )
 }
 
 /// Nanoseconds per exchange over two rings of slots as SimBricks has them between its simulators: a word at the end of each slot says whose

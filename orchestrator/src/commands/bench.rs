@@ -38,22 +38,7 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
         "{} rounds of each, in turn; figures are 5th percentile, median and 95th percentile, ratios those of each round",
         args.rounds
     );
-    let all = bench::exchange(args.rounds, |steps, wait, recorded| {
-        let ring = bench::ring(2, steps);
-        stepped(folder, if recorded { ring } else { bench::unrecorded(ring) }, steps, wait)
-    })?;
-    println!("\none exchange of 27 doubles each way between two processes, ns");
-    row("lockstep, recording on", &all.lockstep);
-    row("bare iceoryx2 publish-subscribe, polled", &all.bare);
-    row("lockstep, nothing recorded", &all.unrecorded);
-    row("bare rings of slots, polled, two threads", &all.rings);
-    row("bare atomics, two threads", &all.atomics);
-    row("  lockstep / bare iceoryx2", &all.lockstep.beside(&all.bare));
-    row(
-        "  nothing recorded / bare rings of slots",
-        &all.unrecorded.beside(&all.rings),
-    );
-    row("  lockstep / bare atomics", &all.lockstep.beside(&all.atomics));
+    exchange(args, folder)?;
 
     let sizes = bench::scaling(args.rounds.min(5), args.participants, |size, steps| {
         stepped(folder, bench::ring(size, steps), steps, Wait::Auto)
@@ -114,6 +99,31 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
             &share.own_recorded.beside(&share.own_computed),
         );
     }
+    Ok(())
+}
+
+fn exchange(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
+    let all = bench::exchange(args.rounds, |steps, wait, recorded| {
+        let ring = bench::ring(2, steps);
+        stepped(
+            folder,
+            if recorded { ring } else { bench::unrecorded(ring) },
+            steps,
+            wait,
+        )
+    })?;
+    println!("\none exchange of 27 doubles each way between two processes, ns");
+    row("lockstep, recording on", &all.lockstep);
+    row("bare iceoryx2 publish-subscribe, polled", &all.bare);
+    row("lockstep, nothing recorded", &all.unrecorded);
+    row("bare rings of slots, polled, two threads", &all.rings);
+    row("bare atomics, two threads", &all.atomics);
+    row("  lockstep / bare iceoryx2", &all.lockstep.beside(&all.bare));
+    row(
+        "  nothing recorded / bare rings of slots",
+        &all.unrecorded.beside(&all.rings),
+    );
+    row("  lockstep / bare atomics", &all.lockstep.beside(&all.atomics));
     Ok(())
 }
 
