@@ -250,13 +250,10 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
     }
     if let [column] = &campaign.columns[..]
         && column.name != "seed"
+        && let Some(stretches) = campaign::stretches(column, &finished.results)
     {
-        println!(
-            "  {} at {}: {}",
-            campaign::good_word(&finished.results),
-            column.name,
-            campaign::stretches(column, &finished.results)
-        );
+        let good = campaign::good_word(&finished.results);
+        println!("  {good} at {}: {stretches}", column.name);
     }
     if let Some(map) = campaign::map(&campaign.columns, &finished.results) {
         println!("{map}");

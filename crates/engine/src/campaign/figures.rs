@@ -1,5 +1,6 @@
 //! Figures of a point as numbers.
 
+use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -197,6 +198,58 @@ fn numbers(figures: &assessment::Figures) -> Vec<Number> {
         }
     }
     out
+}
+
+/// How near a point is to a limit or how far beyond it: more is worse.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Nearness {
+    /// The fraction of the limit that is used: 1 at the limit. Infinite beyond a limit of which there is no fraction, 0 within it.
+    part: f64,
+    /// The distance beyond the limit, in the unit of the figure.
+    beyond: f64,
+}
+
+impl Nearness {
+    /// For a figure of which more is worse; one that was not measured is worst.
+    pub(crate) fn of_value(value: Option<f64>) -> Nearness {
+        let part = value.unwrap_or(f64::INFINITY);
+        Nearness { part, beyond: part }
+    }
+
+    fn of(criterion: &Criterion) -> Option<Nearness> {
+        let Some(value) = criterion.value else {
+            return Some(Nearness::of_value(None));
+        };
+        let side = |fraction: Option<f64>, beyond: f64| Nearness {
+            part: fraction.unwrap_or(if beyond > 0.0 { f64::INFINITY } else { 0.0 }),
+            beyond,
+        };
+        let most = (criterion.limit).map(|limit| side((limit > 0.0).then(|| value / limit), value - limit));
+        let least = criterion.at_least.map(|least| {
+            let fraction = (least > 0.0 && value > 0.0).then(|| least / value);
+            side(fraction, least - value)
+        });
+        most.into_iter().chain(least).max_by(Nearness::order)
+    }
+
+    /// The fraction, where there is one.
+    pub(crate) fn part(&self) -> Option<f64> {
+        Some(self.part).filter(|part| part.is_finite())
+    }
+
+    pub(crate) fn order(&self, other: &Nearness) -> Ordering {
+        let part = self.part.total_cmp(&other.part);
+        part.then(self.beyond.total_cmp(&other.beyond))
+    }
+}
+
+impl Figures {
+    /// The criterion that is nearest to its limit or furthest beyond, by name; one that was not measured comes first.
+    pub(crate) fn nearest(&self) -> Option<(Nearness, &str)> {
+        let all = self.criteria.iter();
+        let all = all.filter_map(|criterion| Some((Nearness::of(criterion)?, criterion.name.as_str())));
+        all.max_by(|a, b| a.0.order(&b.0))
+    }
 }
 
 #[cfg(test)]

@@ -43,8 +43,16 @@ pub fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 4]> {
     Some([values[0], at(0.5), at(0.95), values[last]])
 }
 
-/// The ranges of the only varied key in which all points are good: `0 ms to 120 ms, 140 ms`.
-pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> String {
+/// The ranges of the only varied key in which all points are good: `0 ms to 120 ms, 140 ms`. `None` where neighbours in the table are not
+/// neighbours in value, as drawn ones are not.
+pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> Option<String> {
+    let in_order = match &column.numbers {
+        Some(numbers) => numbers.is_sorted_by(|a, b| a < b) || numbers.is_sorted_by(|a, b| a > b),
+        None => distinct(&column.texts).len() == column.texts.len(),
+    };
+    if !in_order {
+        return None;
+    }
     let good = |at: usize| results[at].as_ref().is_some_and(|result| result.outcome.good());
     let (mut parts, mut at) = (Vec::new(), 0);
     while at < results.len() {
@@ -63,31 +71,41 @@ pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> String {
         });
         at += 1;
     }
-    if parts.is_empty() {
+    Some(if parts.is_empty() {
         "nowhere".into()
     } else {
         parts.join(", ")
-    }
+    })
 }
 
-/// A map over two columns, the second from top to bottom: `#` met (or complete, where there are no criteria), `.` not, `!` no result, `?` not run.
+/// A map over two columns, the second from top to bottom: `#` met (or complete, where there are no criteria), `.` not, `!` no result, `?` not
+/// run. `None` where the points are not all combinations of their values, each once.
 pub fn map(columns: &[Column], results: &[Option<PointResult>]) -> Option<String> {
     let [first, second] = columns else { return None };
-    let across: Vec<&String> = distinct(&first.texts);
-    let down: Vec<&String> = distinct(&second.texts);
+    let (across, down) = (in_order(first), in_order(second));
     if across.len() * down.len() != results.len() || across.len() > 120 || down.len() > 60 {
         return None;
+    }
+    let mut cells = vec![None; results.len()];
+    for (at, result) in results.iter().enumerate() {
+        let column = across.iter().position(|text| **text == first.texts[at])?;
+        let row = down.iter().position(|text| **text == second.texts[at])?;
+        if cells[column * down.len() + row].replace(result).is_some() {
+            return None;
+        }
     }
     let width = down.iter().map(|text| text.chars().count()).max().unwrap_or(0);
     let mut out = String::new();
     for (row, name) in down.iter().enumerate() {
         let letters: String = (0..across.len())
-            .map(|column| match &results[column * down.len() + row] {
-                Some(result) if result.outcome.good() => '#',
-                Some(result) if result.outcome.ran() => '.',
-                Some(_) => '!',
-                None => '?',
-            })
+            .map(
+                |column| match cells[column * down.len() + row].and_then(Option::as_ref) {
+                    Some(result) if result.outcome.good() => '#',
+                    Some(result) if result.outcome.ran() => '.',
+                    Some(_) => '!',
+                    None => '?',
+                },
+            )
             .collect();
         out += &format!("  {name:>width$} {letters}\n");
     }
@@ -109,6 +127,18 @@ pub fn good_word(results: &[Option<PointResult>]) -> &'static str {
     } else {
         Outcome::Complete.word()
     }
+}
+
+/// The values of a column: numbers ascending, texts in order of first occurrence.
+fn in_order(column: &Column) -> Vec<&String> {
+    let Some(numbers) = &column.numbers else {
+        return distinct(&column.texts);
+    };
+    let mut all: Vec<(&f64, &String)> = numbers.iter().zip(&column.texts).collect();
+    all.sort_by(|a, b| a.0.total_cmp(b.0));
+    let mut texts: Vec<&String> = all.into_iter().map(|(_, text)| text).collect();
+    texts.dedup();
+    texts
 }
 
 /// The values of a column in order of first occurrence.
@@ -147,8 +177,31 @@ mod tests {
     #[test]
     fn stretches_are_those_that_are_met() {
         let delays = column("d", &["0", "1", "2", "3", "4"]);
-        assert_eq!(stretches(&delays, &results("##.#!")), "0 to 1, 3");
-        assert_eq!(stretches(&delays, &results("....?")), "nowhere");
+        assert_eq!(stretches(&delays, &results("##.#!")).unwrap(), "0 to 1, 3");
+        assert_eq!(stretches(&delays, &results("....?")).unwrap(), "nowhere");
+        let drawn = Column {
+            numbers: Some(vec![1.2, 1.9, 1.4]),
+            ..column("d", &["1.2", "1.9", "1.4"])
+        };
+        assert_eq!(stretches(&drawn, &results("#.#")), None);
+        assert_eq!(stretches(&column("d", &["a", "b", "a"]), &results("#.#")), None);
+    }
+
+    #[test]
+    fn a_map_of_drawn_points_has_each_where_its_values_are() {
+        let numbers = |name: &str, numbers: [f64; 4]| Column {
+            numbers: Some(numbers.to_vec()),
+            ..column(
+                name,
+                &numbers.map(|number| number.to_string()).each_ref().map(String::as_str),
+            )
+        };
+        let drawn = [numbers("x", [8.0, 1.0, 1.0, 8.0]), numbers("y", [2.0, 2.0, 1.0, 1.0])];
+        let map_of = map(&drawn, &results(".##!")).unwrap();
+        assert!(map_of.starts_with("  1 #!\n  2 #.\n"), "{map_of}");
+        // One combination twice, another not at all.
+        let drawn = [numbers("x", [8.0, 1.0, 1.0, 8.0]), numbers("y", [2.0, 2.0, 1.0, 2.0])];
+        assert_eq!(map(&drawn, &results(".##!")), None);
     }
 
     #[test]

@@ -43,12 +43,13 @@ impl Ranked<'_> {
     }
 }
 
-/// The truth values of the criteria, where they differ between points, and every figure.
+/// The truth values of the criteria for points that ran, where they differ between points, and every figure.
 pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
     let mut all = Vec::new();
     let good: Vec<Option<f64>> = results
         .iter()
-        .map(|result| result.as_ref().map(|result| f64::from(u8::from(result.outcome.good()))))
+        .map(|result| result.as_ref().filter(|result| result.outcome.ran()))
+        .map(|ran| ran.map(|result| f64::from(u8::from(result.outcome.good()))))
         .collect();
     let differs = good.iter().flatten().any(|one| *one == 0.0) && good.iter().flatten().any(|one| *one == 1.0);
     if differs {

@@ -9,11 +9,12 @@ pub use cases::of_cases;
 use report::campaign::floats;
 use serde_json::{Value, json};
 
+use super::figures::Nearness;
 use super::good_word;
 use super::verdicts;
 use super::wilson;
 use super::workers::point::{Result as PointResult, word};
-use super::{Campaign, Column, Figures, Rarely};
+use super::{Campaign, Column, Rarely};
 use figure::Sample;
 
 /// Pictures are thinned out to this number of points; the numbers use all points.
@@ -94,20 +95,20 @@ fn input(column: &Column, shown: &[usize]) -> Value {
 /// The ten points that are nearest to their limits, or furthest beyond, as fractions of the limits; with the values drawn
 /// for each.
 fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
-    let mut all: Vec<(f64, &str, usize)> = Vec::new();
+    let mut all: Vec<(Nearness, &str, usize)> = Vec::new();
     for (at, result) in results.iter().enumerate() {
         let figures = result.as_ref().filter(|result| result.outcome.ran());
         let Some(figures) = figures.and_then(|result| result.figures.as_ref()) else {
             continue;
         };
-        if let Some((part, name)) = part_of_limit(figures) {
-            all.push((part, name, at));
+        if let Some((near, name)) = figures.nearest() {
+            all.push((near, name, at));
         }
     }
-    all.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
+    all.sort_by(|a, b| b.0.order(&a.0).then(a.2.cmp(&b.2)));
     all.iter()
         .take(10)
-        .map(|(part, name, at)| {
+        .map(|(near, name, at)| {
             let drawn = campaign.columns.iter().map(|column| match &column.numbers {
                 Some(numbers) => json!(numbers[*at]),
                 None => json!(column.texts[*at]),
@@ -116,29 +117,11 @@ fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
                 "point": at + 1,
                 "outcome": word(results[*at].as_ref()),
                 "criterion": name.replace('_', " "),
-                "part": if part.is_finite() { Some(*part) } else { None },
+                "part": near.part(),
                 "drawn": drawn.collect::<Vec<_>>(),
             })
         })
         .collect()
-}
-
-/// The criterion that comes nearest to its limit, with the fraction of the limit that is reached; a criterion that was not
-/// measured comes first.
-fn part_of_limit(figures: &Figures) -> Option<(f64, &str)> {
-    let parts = figures.criteria.iter().filter_map(|criterion| {
-        let Some(value) = criterion.value else {
-            return Some((f64::INFINITY, criterion.name.as_str()));
-        };
-        let most = criterion.limit.filter(|limit| *limit > 0.0).map(|limit| value / limit);
-        let least = criterion
-            .at_least
-            .filter(|limit| *limit > 0.0)
-            .map(|limit| if value > 0.0 { limit / value } else { f64::INFINITY });
-        let part = most.into_iter().chain(least).reduce(f64::max)?;
-        Some((part, criterion.name.as_str()))
-    });
-    parts.max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 impl Sample {

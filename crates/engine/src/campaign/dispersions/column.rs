@@ -16,7 +16,8 @@ pub fn cells(path: &Path, name: &str) -> Result<(Vec<String>, String), String> {
         return Err(format!("is no file of at most {} MiB", FILE_MAX >> 20));
     }
     let text = std::fs::read_to_string(path).map_err(|error| format!("cannot be read: {error}"))?;
-    let mut lines = text.lines().map(fields);
+    // Spreadsheets begin a file with a byte-order mark.
+    let mut lines = text.trim_start_matches('\u{feff}').lines().map(fields);
     let heads = lines.next().unwrap_or_default();
     let plain = |head: &str| -> (String, String) {
         match head.split_once('[') {
@@ -73,7 +74,7 @@ mod tests {
     #[test]
     fn column_is_found_by_name_or_whole_heading() {
         let path = std::env::temp_dir().join(format!("column-{}.csv", std::process::id()));
-        std::fs::write(&path, "name,mass [kg],\"a, b\"\n\"x\"\"y, z\",1.5,7\nw,2,8\n\n").unwrap();
+        std::fs::write(&path, "\u{feff}name,mass [kg],\"a, b\"\n\"x\"\"y, z\",1.5,7\nw,2,8\n\n").unwrap();
         let of = |name: &str| cells(&path, name);
         assert_eq!(of("mass"), Ok((vec!["1.5".into(), "2".into()], "kg".into())));
         assert_eq!(of("mass [kg]"), of("mass"));

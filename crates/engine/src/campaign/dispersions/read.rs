@@ -48,6 +48,11 @@ const MODES: [(&str, Mode); 4] = [
     ("factor", Mode::Factor),
 ];
 
+/// The columns of every table, and those that a design makes.
+const COLUMNS: [&str; 9] = [
+    "point", "seed", "outcome", "reason", "tape", "matrix", "row", "level", "parent",
+];
+
 /// Maximum number of values on one axis of a grid.
 const LEVELS_MAX: usize = 10_000;
 
@@ -61,6 +66,13 @@ pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Di
         keys.refuse(
             "",
             format!("the name `{name}` has other characters than letters, digits, `_` and `-`"),
+        );
+    }
+    if name.is_empty() || COLUMNS.contains(&name) {
+        let taken = COLUMNS.join(", ");
+        keys.refuse(
+            "",
+            format!("the name `{name}` is not possible: the table has columns {taken}; choose another"),
         );
     }
     let targets = targets(&mut keys);
@@ -320,6 +332,19 @@ fn in_file(keys: &mut Keys<'_>, folder: &Path) -> Option<Draws> {
     };
     let numbers: Option<Vec<f64>> = cells.iter().map(|cell| cell.parse::<f64>().ok()).collect();
     let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+    let unit_wanted = !unit.is_empty() || keys.unit.is_some();
+    if numbers.is_none() && unit_wanted {
+        let number = |cell: &String| cell.parse::<f64>().is_ok_and(f64::is_finite);
+        let bad = cells.iter().find(|cell| !number(cell)).map_or("", String::as_str);
+        keys.refuse(
+            "column",
+            format!(
+                "the column `{name}` of `{}` has a unit, and its cell `{bad}` is no number",
+                path.display()
+            ),
+        );
+        return None;
+    }
     let even = vec![1.0; cells.len()];
     let Some(mut numbers) = numbers else {
         return Some(if random {

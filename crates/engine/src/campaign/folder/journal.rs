@@ -105,14 +105,25 @@ pub(crate) fn each(path: &Path, mut take: impl FnMut(Entry)) -> Result<u64, Camp
         Err(error) => return Err(failed(path, "read the file")(error)),
     };
     let (mut reader, mut line, mut good) = (BufReader::with_capacity(1 << 16, file), Vec::new(), 0);
+    let mut number = 0_usize;
     loop {
         line.clear();
         let length = reader
             .read_until(b'\n', &mut line)
             .map_err(failed(path, "read the file"))?;
-        let entry = line.ends_with(b"\n").then(|| serde_json::from_slice(&line).ok());
-        let Some(entry) = entry.flatten() else {
+        number += 1;
+        if !line.ends_with(b"\n") {
             return Ok(good);
+        }
+        let entry = match serde_json::from_slice(&line) {
+            Ok(entry) => entry,
+            // The last line, which a machine that died had not written whole.
+            Err(_) if reader.fill_buf().map_err(failed(path, "read the file"))?.is_empty() => return Ok(good),
+            Err(error) => {
+                let what =
+                    format!("line {number} is no result, and there are results behind it ({error}): remove the line");
+                return Err(failed(path, "read the file")(io::Error::other(what)));
+            }
         };
         good += length as u64;
         take(entry);
@@ -154,6 +165,15 @@ mod tests {
         })
         .unwrap();
         assert_eq!(read, [(2, false), (9, true), (3, false)]);
+        // A line of which nothing can be read loses no result behind it.
+        fs::write(path(&root), line(2, false) + "garbage\n" + &line(9, true)).unwrap();
+        let refused = each(&path(&root), |_| {}).unwrap_err().to_string();
+        assert!(
+            refused.contains("results.jsonl") && refused.contains("line 2"),
+            "{refused}"
+        );
+        fs::write(path(&root), line(2, false) + "garbage\n").unwrap();
+        assert_eq!(each(&path(&root), |_| {}).unwrap(), line(2, false).len() as u64);
         assert!(!node.is_empty() && node != "a", "{node}");
         fs::remove_dir_all(&root).unwrap();
     }

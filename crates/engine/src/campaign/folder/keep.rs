@@ -3,8 +3,7 @@
 use std::collections::BTreeSet;
 use std::str::FromStr;
 
-use crate::assessment::Criterion;
-use crate::campaign::figures::{Figures, Number};
+use crate::campaign::figures::{Figures, Nearness, Number};
 use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// A selection of the points of a campaign.
@@ -55,8 +54,8 @@ pub(crate) fn kept(keep: &[Keep], results: &[Option<PointResult>], figure: Optio
             Keep::Worst(count) => {
                 let ran = some(Outcome::ran)
                     .filter_map(|(at, result)| Some((badness(result.figures.as_ref()?, figure)?, at)));
-                let mut ran: Vec<(f64, usize)> = ran.collect();
-                ran.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+                let mut ran: Vec<(Nearness, usize)> = ran.collect();
+                ran.sort_by(|a, b| b.0.order(&a.0).then(a.1.cmp(&b.1)));
                 points.extend(ran.iter().take(*count).map(|(_, at)| *at));
             }
         }
@@ -70,47 +69,26 @@ fn failed(outcome: Outcome) -> bool {
 
 /// The badness of a point: larger is worse, and a figure that was not measured is worst. `None` where nothing can be
 /// compared.
-fn badness(figures: &Figures, figure: Option<&Number>) -> Option<f64> {
-    let value = |number: &Number| figures.value(&number.key).unwrap_or(f64::INFINITY);
+fn badness(figures: &Figures, figure: Option<&Number>) -> Option<Nearness> {
+    let value = |number: &Number| Nearness::of_value(figures.value(&number.key));
     let Some(figure) = figure else {
-        let judged = figures.criteria.iter().map(used).reduce(f64::max);
+        let judged = figures.nearest().map(|(near, _)| near);
         return judged.or_else(|| figures.numbers().next().as_ref().map(value));
     };
     let own = figures.criteria.iter().find(|criterion| criterion.name == figure.name);
     let lowest = own.is_some_and(|criterion| criterion.limit.is_none() && criterion.at_least.is_some());
-    match figures.value(&figure.key) {
-        Some(value) if lowest => Some(-value),
-        Some(value) => Some(value),
-        None => Some(f64::INFINITY),
-    }
-}
-
-/// The fraction of its limit that a figure uses: 1 at the limit, more beyond it.
-fn used(criterion: &Criterion) -> f64 {
-    let Some(value) = criterion.value else {
-        return f64::INFINITY;
-    };
-    // A fraction of a limit of zero is undefined: only the distance beyond it counts.
-    let above = criterion.limit.map(|limit| {
-        if limit > 0.0 {
-            value / limit
-        } else {
-            1.0 + value - limit
-        }
-    });
-    let below = criterion.at_least.map(|least| {
-        if least > 0.0 && value > 0.0 {
-            least / value
-        } else {
-            1.0 + least - value
-        }
-    });
-    above.into_iter().chain(below).fold(f64::NEG_INFINITY, f64::max)
+    let value = figures.value(&figure.key);
+    Some(Nearness::of_value(if lowest {
+        value.map(|value| -value)
+    } else {
+        value
+    }))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::assessment::Criterion;
 
     fn point(outcome: Outcome, value: Option<f64>, limit: Option<f64>, at_least: Option<f64>) -> Option<PointResult> {
         let criterion = Criterion {
@@ -159,6 +137,15 @@ mod tests {
             [1],
             "not measured is worst"
         );
+        let values = [0.05, -0.05, 0.001, -0.01].map(|value| least(Some(value)));
+        assert_eq!(
+            of("worst:1", &values),
+            [1],
+            "the furthest below, where there is no fraction"
+        );
+        assert_eq!(of("worst:2", &values), [1, 3]);
+        let zero = [-2.0, 3.0, 1.0, -1.0].map(|value| point(Outcome::Met, Some(value), Some(0.0), None));
+        assert_eq!(of("worst:3", &zero), [1, 2, 3], "a limit of zero");
         let free = |value| point(Outcome::Complete, value, None, None);
         assert_eq!(
             of("worst:1", &[free(Some(-3.0)), free(Some(1.0))]),

@@ -33,6 +33,13 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
     let [(first, identity), others @ ..] = &folders[..] else {
         return refuse("no shard is named: give the folders of all shards");
     };
+    if identity.source.as_ref().is_some_and(|source| source.rare) {
+        return refuse(format!(
+            "{} is of a campaign with the design subset, whose points depend on each other: it runs on one machine, and there is nothing \
+             to merge",
+            first.display()
+        ));
+    }
     for (root, other) in others {
         if other.digest != identity.digest {
             return refuse(format!(
