@@ -282,3 +282,39 @@ fn campaign_file_is_no_scenario() {
         assert!(said.err.contains(expected), "{said:?}");
     }
 }
+
+#[test]
+fn what_the_campaign_file_would_ignore_is_refused_by_name() {
+    let folder = Folder::new("ignored");
+    springs(&folder);
+    let file = folder.write("campaign.toml", CAMPAIGN);
+    let refused = |arguments: &[&str], words: &[&str]| {
+        let said = orchestrate(&[&["sweep"], arguments].concat());
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(words.iter().all(|word| said.err.contains(word)), "{said:?}");
+    };
+    let set = "participants.right.parameters.mass=\"9 kg\"";
+    refused(
+        &[text(&file), "--set", set],
+        &["participants.right.parameters.mass", "vary.mass"],
+    );
+    refused(&[text(&file), "--include", "notes.txt"], &["--include", "--bundle"]);
+    refused(
+        &[text(&file), "--on", "shell", "--engine-args", "--long"],
+        &["--engine-args"],
+    );
+    for name in ["seed", "level", "\"\""] {
+        let named = folder.write(
+            "named.toml",
+            &CAMPAIGN.replace("[vary.mass]", &format!("[vary.{name}]")),
+        );
+        refused(&[text(&named)], &["named.toml", "choose another"]);
+    }
+    folder.write("masses.csv", "\u{feff}mass [kg],c\n1,2\nn/a,3\n");
+    let column = CAMPAIGN.replace(
+        "distribution = \"normal\"\nmean = \"1 kg\"\ndeviation = \"0.6 kg\"",
+        "distribution = \"column\"\nfile = \"masses.csv\"\ncolumn = \"mass\"",
+    );
+    let column = folder.write("column.toml", &column);
+    refused(&[text(&column)], &["column.toml", "masses.csv", "`n/a`"]);
+}

@@ -53,13 +53,20 @@ impl ClusterArgs {
             }
             return Ok(Some(0));
         }
+        let unused = |reason: &str| Err(CampaignError::Merge(reason.to_owned()));
         let Some(engine) = self.on else {
+            if !self.include.is_empty() {
+                return unused("--include: a file comes along in a bundle, so say where with --bundle or --on");
+            }
             if options.audit > 0.0 && options.shard.is_none() {
                 let reason = "--audit: a point is run twice in two shards; say which with --shard, or where with --on";
                 return Err(CampaignError::Merge(reason.into()));
             }
             return Ok(None);
         };
+        if engine == Engine::Shell && !self.engine_args.is_empty() {
+            return unused("--engine-args: the engine shell prints command lines and has no options");
+        }
         let cluster = Cluster {
             engine,
             shards: self.shards.map(|count| count as usize),

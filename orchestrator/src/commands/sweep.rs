@@ -74,7 +74,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     let path = file.as_ref().map_or(&*args.scenario.scenario, CampaignFile::scenario);
     let scenario = Scenario::changed(catalogue(), path, &overrides)?;
     let plan = match &file {
-        Some(file) => file.plan(&scenario)?,
+        Some(file) => drawn_alone(file.plan(&scenario)?, &overrides)?,
         None => listed(args, &scenario, &overrides)?,
     };
     let campaign = match &file {
@@ -168,6 +168,28 @@ fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
         }
         _ => Ok(None),
     }
+}
+
+/// The plan, in which no value that the command line gives is replaced by a draw.
+fn drawn_alone(plan: Plan, overrides: &Changes) -> Result<Plan, CampaignError> {
+    let Plan::Declared(declared) = &plan else {
+        return Ok(plan);
+    };
+    for dispersion in declared.dispersions().iter().filter(|one| one.replaces()) {
+        let mut whole = dispersion.targets.iter().filter(|target| target.element.is_none());
+        if let Some(target) = whole.find(|target| overrides.fixes(&target.key)) {
+            let reason = format!(
+                "is given with --set or an option, and `vary.{}` draws it: take one out",
+                dispersion.name
+            );
+            return Err(GridError {
+                text: target.key.clone(),
+                reason,
+            }
+            .into());
+        }
+    }
+    Ok(plan)
 }
 
 /// The grid of the command line.
