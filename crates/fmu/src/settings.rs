@@ -355,3 +355,61 @@ fn bytes_of(native: Native, number: Number) -> [u8; 8] {
     }
     bytes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::Layout;
+    use crate::options::Options;
+
+    fn described(variables: &str) -> Description {
+        let text = format!(
+            r#"<fmiModelDescription fmiVersion="3.0" modelName="m" instantiationToken="t">
+                 <CoSimulation modelIdentifier="m"/>
+                 <UnitDefinitions>
+                   <Unit name="degC"><BaseUnit K="1" offset="273.15"/></Unit>
+                   <Unit name="%"><BaseUnit factor="0.01"/></Unit>
+                   <Unit name="s"><BaseUnit s="1"/></Unit>
+                   <Unit name="1"><BaseUnit/></Unit>
+                 </UnitDefinitions>
+                 <TypeDefinitions>
+                   <Float64Type name="Difference" unit="degC" relativeQuantity="true"/>
+                 </TypeDefinitions>
+                 <ModelVariables>{variables}</ModelVariables>
+               </fmiModelDescription>"#
+        );
+        Description::read(&text).unwrap()
+    }
+
+    fn set(about: &Description, parameters: &str) -> Result<f64, String> {
+        let table: Table = toml::from_str(parameters).unwrap();
+        let settings = Settings::read(about, &table).map_err(|error| error.to_string())?;
+        match &settings.start[0].value {
+            Content::Numbers(values) => Ok(f64::from_ne_bytes(values.bytes(0))),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn offset_of_a_unit_is_not_for_relative_quantities() {
+        let about = described(
+            r#"<Float64 name="t" valueReference="1" causality="parameter" unit="degC"/>
+               <Float64 name="d" valueReference="2" causality="parameter" unit="degC" relativeQuantity="true"/>
+               <Float64 name="typed" valueReference="3" causality="parameter" declaredType="Difference"/>
+               <Float64 name="own" valueReference="4" causality="parameter" declaredType="Difference" relativeQuantity="false"/>
+               <Float64 name="u" valueReference="5" causality="input" unit="degC" relativeQuantity="true"/>"#,
+        );
+        for (name, value) in [
+            ("t", 10.0 - 273.15),
+            ("d", 10.0),
+            ("typed", 10.0),
+            ("own", 10.0 - 273.15),
+        ] {
+            assert_eq!(set(&about, &format!("{name} = '10 K'")), Ok(value), "{name}");
+            assert_eq!(set(&about, &format!("{name} = '10 degC'")), Ok(10.0), "{name}");
+        }
+        let layout = Layout::new(&about, &Options::default(), &Settings::default()).unwrap();
+        assert_eq!(layout.interface.inputs[0].descriptor.fields[0].unit, "K");
+        assert!(layout.inputs[0].slots.is_empty(), "the port's values are copied");
+    }
+}

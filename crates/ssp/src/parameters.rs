@@ -165,7 +165,7 @@ fn passed(text: &str, way: &[Passed<'_>]) -> String {
 
 /// The number after its path, in the unit of the variable.
 fn line(given: &Given, variable: &Variable, description: &Description, way: &[Passed<'_>]) -> Result<Line, String> {
-    let mut line = Line::new();
+    let mut line = Line::of(variable.relative);
     let mut unit = given.unit.as_ref();
     for (suppress, transformation, taker) in way {
         if !suppress {

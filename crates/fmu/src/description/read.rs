@@ -38,6 +38,7 @@ pub enum DescriptionError {
 struct Declared {
     range: Range,
     unit: Option<String>,
+    relative: bool,
     items: Vec<Item>,
 }
 
@@ -179,6 +180,9 @@ impl<'a> Reader<'a> {
             token: self.needed(root, if two { "guid" } else { "instantiationToken" })?,
             abilities,
             experiment,
+            differences: (units.iter())
+                .filter_map(|(name, unit)| Some((name.clone(), unit.of_differences()?)))
+                .collect(),
             units,
             variables,
             log_categories: categories.map(str::to_owned).collect(),
@@ -231,6 +235,7 @@ impl<'a> Reader<'a> {
             let declared = Declared {
                 range: range(own),
                 unit: own.attribute("unit").map(str::to_owned),
+                relative: self.flag(own, "relativeQuantity")?,
                 items,
             };
             types.insert(name, declared);
@@ -339,6 +344,10 @@ impl<'a> Reader<'a> {
                 .map(str::to_owned)
                 .or(declared.unit)
                 .filter(|unit| !unit.is_empty()),
+            relative: match own.has_attribute("relativeQuantity") {
+                true => self.flag(own, "relativeQuantity")?,
+                false => declared.relative,
+            },
             items: declared.items,
             extents,
             feedthrough: false,

@@ -145,6 +145,8 @@ pub struct Variable {
     pub range: Range,
     /// The name of its unit.
     pub unit: Option<String>,
+    /// Whether it is a difference of two quantities, so that the offset of its unit does not apply (`relativeQuantity`).
+    pub relative: bool,
     /// The items of an enumeration.
     pub items: Vec<Item>,
     /// Extents, outermost first; empty for a scalar.
