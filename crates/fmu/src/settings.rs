@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ffi::CString;
 
 use lockstep::participant::ParameterError;
-use lockstep::units::convert;
+use lockstep::units::{convert, unit_in};
 use toml::{Table, Value};
 
 use crate::abi::{Native, Values};
@@ -281,10 +281,8 @@ fn quantity(description: &Description, variable: &Variable, text: &str) -> Resul
         return Ok(read.0.into_iter().map(Number::Float).collect());
     };
     // The FMU's own unit: no conversion.
-    let own = text
-        .trim()
-        .strip_suffix(unit.name.as_str())
-        .filter(|_| !unit.name.is_empty());
+    let name = unit.name.trim();
+    let own = text.trim().strip_suffix(name).filter(|_| unit_in(text) == Some(name));
     if let Some((values, _)) = own.and_then(|numbers| convert(&format!("{numbers} 1"), "1").ok()) {
         return Ok(values.into_iter().map(Number::Float).collect());
     }
@@ -411,5 +409,32 @@ mod tests {
         let layout = Layout::new(&about, &Options::default(), &Settings::default()).unwrap();
         assert_eq!(layout.interface.inputs[0].descriptor.fields[0].unit, "K");
         assert!(layout.inputs[0].slots.is_empty(), "the port's values are copied");
+    }
+
+    #[test]
+    fn unit_is_all_of_the_text_after_the_number() {
+        let about = described(
+            r#"<Float64 name="time" valueReference="1" causality="parameter" unit="s"/>
+               <Float64 name="share" valueReference="2" causality="parameter" unit="%"/>
+               <Float64 name="pure" valueReference="3" causality="parameter" unit="1"/>"#,
+        );
+        for wrong in ["5 1/s", "5 m s"] {
+            let error = set(&about, &format!("time = '{wrong}'"));
+            assert!(
+                error.clone().is_err_and(|error| error.contains(wrong)),
+                "{wrong}: {error:?}"
+            );
+        }
+        assert!(set(&about, "pure = '0.1'").is_err());
+        for (right, value) in [
+            ("time = '5 s'", 5.0),
+            ("time = ' -5e1s '", -50.0),
+            ("time = '5 ms'", 5e-3),
+            ("share = '5%'", 5.0),
+            ("share = '0.5 1'", 50.0),
+            ("pure = '0.1 1'", 0.1),
+        ] {
+            assert_eq!(set(&about, right), Ok(value), "{right}");
+        }
     }
 }
