@@ -9,7 +9,7 @@ use toml::{Table, Value};
 
 use crate::abi::{Native, Values};
 use crate::description::{Causality, Description, Extent, Type, Variable};
-use crate::names::unknown;
+use crate::names::{key, unknown};
 
 /// Maximum number of values of an array.
 const VALUES_MAX: u64 = 1 << 20;
@@ -63,7 +63,7 @@ impl Settings {
     /// Names the key, the value, and the allowed values.
     pub fn read(description: &Description, table: &Table) -> Result<Settings, ParameterError> {
         let mut given = BTreeMap::new();
-        flatten(description, "", table, &mut given);
+        flatten(description, ("", ""), table, &mut given)?;
         let mut settings = Settings::default();
         for variable in &description.variables {
             if variable.causality == Causality::StructuralParameter
@@ -74,7 +74,7 @@ impl Settings {
         }
         // Structural parameters first, because extents of arrays depend on them.
         for structural in [true, false] {
-            for (name, value) in &given {
+            for (name, (_, value)) in &given {
                 let found = description.variable(name);
                 let variable = found.ok_or_else(|| {
                     let known = description.variables.iter().filter(|one| one.settable().is_ok());
@@ -177,21 +177,35 @@ impl Settings {
     }
 }
 
-/// Variables by their full names: a table is a group of variables unless a variable has its name.
-fn flatten<'a>(description: &Description, above: &str, table: &'a Table, given: &mut BTreeMap<String, &'a Value>) {
-    for (key, value) in table {
-        let name = if above.is_empty() {
-            key.clone()
+/// Variables by their full names, with their keys as written: a table is a group of variables unless a variable has its name.
+fn flatten<'a>(
+    description: &Description,
+    above: (&str, &str),
+    table: &'a Table,
+    given: &mut BTreeMap<String, (String, &'a Value)>,
+) -> Result<(), ParameterError> {
+    for (name, value) in table {
+        let (name, written) = if above.0.is_empty() {
+            (name.clone(), key(name))
         } else {
-            format!("{above}.{key}")
+            (format!("{}.{name}", above.0), format!("{}.{}", above.1, key(name)))
         };
         match value {
             Value::Table(inner) if description.variable(&name).is_none() && !inner.is_empty() => {
-                flatten(description, &name, inner, given);
+                flatten(description, (&name, &written), inner, given)?;
             }
-            _ => drop(given.insert(name, value)),
+            _ => {
+                if let Some((other, before)) = given.get(&name) {
+                    let reason = format!(
+                        "it is given twice: `{other} = {before}` and `{written} = {value}`; remove one of them"
+                    );
+                    return Err(ParameterError::new(name, reason));
+                }
+                given.insert(name, (written, value));
+            }
         }
     }
+    Ok(())
 }
 
 fn hexadecimal(text: &str) -> Option<Vec<u8>> {
@@ -409,6 +423,17 @@ mod tests {
         let layout = Layout::new(&about, &Options::default(), &Settings::default()).unwrap();
         assert_eq!(layout.interface.inputs[0].descriptor.fields[0].unit, "K");
         assert!(layout.inputs[0].slots.is_empty(), "the port's values are copied");
+    }
+
+    #[test]
+    fn parameter_is_given_once() {
+        let about = described(r#"<Float64 name="inner.k" valueReference="1" causality="parameter"/>"#);
+        assert_eq!(set(&about, "inner = { k = 2 }"), Ok(2.0));
+        assert_eq!(set(&about, "'inner.k' = 3.0"), Ok(3.0));
+        let error = set(&about, "inner = { k = 2.0 }\n'inner.k' = 3.0").unwrap_err();
+        for part in ["`inner.k`: ", "`inner.k = 2.0`", "`\"inner.k\" = 3.0`", "remove one"] {
+            assert!(error.contains(part), "{error}");
+        }
     }
 
     #[test]
