@@ -329,6 +329,16 @@ fn check(variable: &Variable, number: Number) -> Result<(), String> {
     };
     match number {
         Number::Float(value) => {
+            let (fits, largest) = match variable.kind {
+                Type::Float32 => ((value as f32).is_finite(), f64::from(f32::MAX)),
+                _ => (value.is_finite(), f64::MAX),
+            };
+            if !fits {
+                let kind = variable.kind.name();
+                return Err(
+                    format!("{value:?} {unit} is no {kind}: from {:?} to {largest:?}", -largest).replace("  ", " "),
+                );
+            }
             let limit = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok());
             within(
                 limit(min).map(|min| value >= min),
@@ -434,6 +444,19 @@ mod tests {
         for part in ["`inner.k`: ", "`inner.k = 2.0`", "`\"inner.k\" = 3.0`", "remove one"] {
             assert!(error.contains(part), "{error}");
         }
+    }
+
+    #[test]
+    fn number_beyond_its_type_is_refused() {
+        let about = described(
+            r#"<Float32 name="single" valueReference="1" causality="parameter"/>
+               <Float64 name="share" valueReference="2" causality="parameter" unit="%"/>"#,
+        );
+        for wrong in ["single = 1e39", "single = -1e39", "share = '1e308 1'"] {
+            let error = set(&about, wrong).unwrap_err();
+            assert!(error.contains("is no Float") && error.contains("from -"), "{error}");
+        }
+        assert!(set(&about, "single = 3.4e38").is_ok());
     }
 
     #[test]
