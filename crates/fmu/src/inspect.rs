@@ -255,7 +255,7 @@ fn start(about: &Description, one: &Variable) -> Option<Value> {
         kind if kind.is_float() => {
             let number: f64 = start.parse().ok()?;
             match about.unit(one) {
-                Some(unit) if unit.of_port().unit != "1" => Value::String(format!("{number:?} {}", unit.name)),
+                Some(unit) if !unit.is_pure() => Value::String(format!("{number:?} {}", unit.name)),
                 _ => Value::Float(number),
             }
         }

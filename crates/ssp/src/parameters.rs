@@ -187,7 +187,7 @@ fn quantity(description: &Description, variable: &Variable, numbers: &[f64], arr
             variable.name
         ));
     }
-    let unit = description.unit(variable).filter(|unit| unit.of_port().unit != "1");
+    let unit = description.unit(variable).filter(|unit| !unit.is_pure());
     let texts: Vec<String> = numbers.iter().map(|number| format!("{number:?}")).collect();
     Ok(match (unit, array) {
         (Some(unit), true) => Value::String(format!("[{}] {}", texts.join(", "), unit.name)),

@@ -72,6 +72,11 @@ impl Conversion {
 }
 
 impl Unit {
+    /// Whether its values are numbers that need no unit: copied unchanged, without a dimension.
+    pub fn is_pure(&self) -> bool {
+        self.of_port() == Conversion::none("1")
+    }
+
     /// The unit of differences, which has no offset; none where this unit has none either.
     pub fn of_differences(&self) -> Option<Unit> {
         let base = self.base.filter(|base| base.offset != 0.0)?;
