@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::content::{Abilities, Description, Experiment, Version};
+use super::literals;
 use super::nodes::{child, elements, range, type_of, words};
 use super::units::{BaseUnit, Unit};
 use super::variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
@@ -266,6 +267,9 @@ impl<'a> Reader<'a> {
                     format!("`{}` has the unit `{unit}`, which is not defined", variable.name),
                 );
                 variable.unit = None;
+            }
+            for odd in literals::odd(&variable) {
+                self.problem(node, odd);
             }
             variables.push(variable);
         }
