@@ -8,6 +8,7 @@ use toml::Value;
 
 use crate::description::{Causality, Description, Variable};
 use crate::layout::{INPUTS, OUTPUTS, RECORDED, element};
+use crate::names::{key, quoted};
 
 /// Maximum length of a name in a scenario, letters.
 const NAME_MAX: usize = 64;
@@ -84,29 +85,6 @@ impl Names {
             picked = format!("{}{tail}", &name[..name.len().min(NAME_MAX - tail.len())]);
         }
         picked
-    }
-}
-
-/// Text in quotes, on one line.
-fn quoted(text: &str) -> String {
-    let mut all = String::from("\"");
-    for letter in text.chars() {
-        match letter {
-            '"' | '\\' => all.extend(['\\', letter]),
-            control if control.is_control() => drop(write!(all, "\\u{:04X}", control as u32)),
-            other => all.push(other),
-        }
-    }
-    all.push('"');
-    all
-}
-
-fn key(name: &str) -> String {
-    let bare = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
-    if !name.is_empty() && name.chars().all(bare) {
-        name.to_owned()
-    } else {
-        quoted(name)
     }
 }
 

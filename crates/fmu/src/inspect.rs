@@ -251,11 +251,14 @@ pub fn written(about: &Description) -> Vec<(String, Value)> {
 /// The start value of a scalar parameter.
 fn start(about: &Description, one: &Variable) -> Option<Value> {
     let start = one.start.first().filter(|_| one.extents.is_empty())?;
+    if !one.kind.holds(start) {
+        return None;
+    }
     Some(match one.kind {
         kind if kind.is_float() => {
-            let number: f64 = start.parse().ok()?;
+            let number: f64 = start.parse().ok().filter(|number: &f64| number.is_finite())?;
             match about.unit(one) {
-                Some(unit) if unit.of_port().unit != "1" => Value::String(format!("{number:?} {}", unit.name)),
+                Some(unit) if !unit.is_pure() => Value::String(format!("{number:?} {}", unit.name)),
                 _ => Value::Float(number),
             }
         }

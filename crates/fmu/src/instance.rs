@@ -14,6 +14,13 @@ use crate::transfer::Transfer;
 /// The FMUs with an instance in this process that permit one instance only.
 static SINGLE: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
+/// How far from the end of a step the instant that the FMU reports may be, s. An FMU that sums up its steps reports the rounding
+/// errors of all of them; an instant that is half a step away is no rounding error.
+fn rounding(end: f64, step: f64) -> f64 {
+    let one = f64::EPSILON * end.abs();
+    (1e-3 * step + one * (end / step).abs()).min(0.5 * step).max(4.0 * one)
+}
+
 fn single() -> MutexGuard<'static, BTreeSet<String>> {
     SINGLE.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -176,7 +183,19 @@ impl Running {
     pub fn step(&mut self, t: f64, step: f64) -> Result<(), Failure> {
         let stepped = self.instance.step(t, step);
         if stepped.status.done() && !stepped.terminate && !stepped.early {
-            return Ok(());
+            let end = t + step;
+            let apart = stepped.last.map_or(0.0, |last| (last - end).abs());
+            if apart <= rounding(end, step) {
+                return Ok(());
+            }
+            let last = stepped.last.unwrap_or(t);
+            return Err(format!(
+                "doStep from t = {t} s {} and came to t = {last} s, and not to t = {end} s, which it was asked for; a period that is a \
+                 whole multiple of its own step may help{}",
+                stepped.status.words(),
+                self.log.take()
+            )
+            .into());
         }
         let reached = match stepped.last {
             Some(last) => format!(" and came to t = {last} s"),
@@ -231,6 +250,91 @@ impl Drop for Running {
         // After Fatal no function may be called; the memory is released when the process ends.
         if !self.fatal {
             self.instance.free();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::abi::{Stepped, Values};
+
+    /// An FMU that reports a fixed instant.
+    struct Reports(Option<f64>);
+
+    impl Instance for Reports {
+        fn configure(&mut self, _: bool) -> Status {
+            Status::Ok
+        }
+        fn enter_initialisation(&mut self, _: f64, _: Option<f64>) -> Result<(), (&'static str, Status)> {
+            Ok(())
+        }
+        fn exit_initialisation(&mut self) -> Status {
+            Status::Ok
+        }
+        fn get(&mut self, _: &mut Values) -> Status {
+            Status::Ok
+        }
+        fn set(&mut self, _: &mut Values) -> Status {
+            Status::Ok
+        }
+        fn set_text(&mut self, _: u32, _: Texts<'_>) -> Status {
+            Status::Ok
+        }
+        fn step(&mut self, _: f64, _: f64) -> Stepped {
+            Stepped {
+                status: Status::Ok,
+                terminate: false,
+                early: false,
+                last: self.0,
+            }
+        }
+        fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
+            Ok(Vec::new())
+        }
+        fn deserialise(&mut self, _: &[u8]) -> Result<(), (&'static str, Status)> {
+            Ok(())
+        }
+        fn terminate(&mut self) -> Status {
+            Status::Ok
+        }
+        fn free(&mut self) {}
+    }
+
+    #[test]
+    fn sum_of_many_steps_is_near_enough() {
+        let (mut sum, step) = (0.0, 1e-4);
+        for _ in 0..10_000_000 {
+            sum += step;
+        }
+        let apart = f64::abs(sum - 1000.0);
+        assert!((1e-9..rounding(1000.0, step)).contains(&apart), "{apart}");
+        assert!(rounding(1e9, step) <= 0.5 * step);
+    }
+
+    #[test]
+    fn step_that_misses_its_end_is_an_error() {
+        let step = |last: Option<f64>| {
+            let mut running = Running {
+                instance: Box::new(Reports(last)),
+                log: Log::default(),
+                _only: None,
+                _scratch: Scratch::create().unwrap(),
+                stepping: true,
+                fatal: false,
+            };
+            running.step(0.5, 0.25).map_err(|failure| format!("{failure:?}"))
+        };
+        // Not reported, exact, and with rounding errors.
+        for last in [None, Some(0.75), Some(0.75 + 1e-9)] {
+            assert_eq!(step(last), Ok(()), "{last:?}");
+        }
+        for last in [0.5, 0.7, 0.8, f64::INFINITY] {
+            let error = step(Some(last)).unwrap_err();
+            assert!(
+                error.contains(&format!("came to t = {last} s")) && error.contains("0.75 s"),
+                "{error}"
+            );
         }
     }
 }

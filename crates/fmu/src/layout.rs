@@ -271,9 +271,10 @@ impl<'a> Planner<'a> {
             return Err(format!("`{}` is a {kind}, which is no signal", first.name));
         };
         let element = formed(first, element, form)?;
+        let own = self.description.unit(first);
         if let Some(other) = variables
             .iter()
-            .find(|one| (one.kind, &one.unit, &one.items) != (first.kind, &first.unit, &first.items))
+            .find(|one| (one.kind, self.description.unit(one), &one.items) != (first.kind, own, &first.items))
         {
             return Err(format!(
                 "`{}` and `{}` have different types, items or units and cannot be one field",
@@ -293,7 +294,6 @@ impl<'a> Planner<'a> {
                 .shape(first)
                 .map_err(|reason| format!("`{}`: {reason}", first.name))?
         };
-        let own = self.description.unit(first);
         let conversion = match (own, unit) {
             (None, None) => Conversion::none("1"),
             // The FMU states no unit, so the user's applies.

@@ -1,4 +1,6 @@
-//! Suggestions for misspelt names.
+//! Names: as keys and texts of a scenario, and suggestions for misspelt ones.
+
+use std::fmt::Write;
 
 /// The name among `known` that `wanted` most probably means.
 pub fn nearest<'a>(wanted: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
@@ -27,5 +29,29 @@ pub fn unknown<'a>(wanted: &str, known: impl Iterator<Item = &'a str>) -> String
     match nearest(wanted, known) {
         Some(name) => format!("the FMU has no variable `{wanted}`; did you mean `{name}`?"),
         None => format!("the FMU has no variable `{wanted}`; `escapement fmu inspect FILE` lists them"),
+    }
+}
+
+/// Text in quotes, on one line.
+pub(crate) fn quoted(text: &str) -> String {
+    let mut all = String::from("\"");
+    for letter in text.chars() {
+        match letter {
+            '"' | '\\' => all.extend(['\\', letter]),
+            control if control.is_control() => drop(write!(all, "\\u{:04X}", control as u32)),
+            other => all.push(other),
+        }
+    }
+    all.push('"');
+    all
+}
+
+/// A name as a key of a scenario: in quotes where it needs them.
+pub(crate) fn key(name: &str) -> String {
+    let bare = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
+    if !name.is_empty() && name.chars().all(bare) {
+        name.to_owned()
+    } else {
+        quoted(name)
     }
 }

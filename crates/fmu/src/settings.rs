@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::ffi::CString;
 
 use lockstep::participant::ParameterError;
-use lockstep::units::convert;
+use lockstep::units::{convert, unit_in};
 use toml::{Table, Value};
 
 use crate::abi::{Native, Values};
 use crate::description::{Causality, Description, Extent, Type, Variable};
-use crate::names::unknown;
+use crate::names::{key, unknown};
 
 /// Maximum number of values of an array.
 const VALUES_MAX: u64 = 1 << 20;
@@ -63,7 +63,7 @@ impl Settings {
     /// Names the key, the value, and the allowed values.
     pub fn read(description: &Description, table: &Table) -> Result<Settings, ParameterError> {
         let mut given = BTreeMap::new();
-        flatten(description, "", table, &mut given);
+        flatten(description, ("", ""), table, &mut given)?;
         let mut settings = Settings::default();
         for variable in &description.variables {
             if variable.causality == Causality::StructuralParameter
@@ -74,7 +74,7 @@ impl Settings {
         }
         // Structural parameters first, because extents of arrays depend on them.
         for structural in [true, false] {
-            for (name, value) in &given {
+            for (name, (_, value)) in &given {
                 let found = description.variable(name);
                 let variable = found.ok_or_else(|| {
                     let known = description.variables.iter().filter(|one| one.settable().is_ok());
@@ -177,21 +177,35 @@ impl Settings {
     }
 }
 
-/// Variables by their full names: a table is a group of variables unless a variable has its name.
-fn flatten<'a>(description: &Description, above: &str, table: &'a Table, given: &mut BTreeMap<String, &'a Value>) {
-    for (key, value) in table {
-        let name = if above.is_empty() {
-            key.clone()
+/// Variables by their full names, with their keys as written: a table is a group of variables unless a variable has its name.
+fn flatten<'a>(
+    description: &Description,
+    above: (&str, &str),
+    table: &'a Table,
+    given: &mut BTreeMap<String, (String, &'a Value)>,
+) -> Result<(), ParameterError> {
+    for (name, value) in table {
+        let (name, written) = if above.0.is_empty() {
+            (name.clone(), key(name))
         } else {
-            format!("{above}.{key}")
+            (format!("{}.{name}", above.0), format!("{}.{}", above.1, key(name)))
         };
         match value {
             Value::Table(inner) if description.variable(&name).is_none() && !inner.is_empty() => {
-                flatten(description, &name, inner, given);
+                flatten(description, (&name, &written), inner, given)?;
             }
-            _ => drop(given.insert(name, value)),
+            _ => {
+                if let Some((other, before)) = given.get(&name) {
+                    let reason = format!(
+                        "it is given twice: `{other} = {before}` and `{written} = {value}`; remove one of them"
+                    );
+                    return Err(ParameterError::new(name, reason));
+                }
+                given.insert(name, (written, value));
+            }
         }
     }
+    Ok(())
 }
 
 fn hexadecimal(text: &str) -> Option<Vec<u8>> {
@@ -209,16 +223,9 @@ fn numbers(description: &Description, variable: &Variable, value: &Value) -> Res
     let one = |value: &Value| number(variable, value);
     match (variable.kind.is_float(), value) {
         (true, Value::String(text)) => quantity(description, variable, text),
-        (true, _) if variable.unit.is_some() => {
-            let unit = description
-                .unit(variable)
-                .map_or_else(|| "1".to_owned(), |unit| unit.of_port().unit);
-            if unit == "1" {
-                return match value {
-                    Value::Array(all) => all.iter().map(one).collect(),
-                    value => Ok(vec![one(value)?]),
-                };
-            }
+        (true, _) if let Some(unit) = description.unit(variable).filter(|unit| !unit.is_pure()) => {
+            let port = unit.of_port().unit;
+            let unit = if port == "1" { unit.name.as_str() } else { &port };
             let example = if variable.extents.is_empty() {
                 "0.5"
             } else {
@@ -281,10 +288,8 @@ fn quantity(description: &Description, variable: &Variable, text: &str) -> Resul
         return Ok(read.0.into_iter().map(Number::Float).collect());
     };
     // The FMU's own unit: no conversion.
-    let own = text
-        .trim()
-        .strip_suffix(unit.name.as_str())
-        .filter(|_| !unit.name.is_empty());
+    let name = unit.name.trim();
+    let own = text.trim().strip_suffix(name).filter(|_| unit_in(text) == Some(name));
     if let Some((values, _)) = own.and_then(|numbers| convert(&format!("{numbers} 1"), "1").ok()) {
         return Ok(values.into_iter().map(Number::Float).collect());
     }
@@ -317,6 +322,16 @@ fn check(variable: &Variable, number: Number) -> Result<(), String> {
     };
     match number {
         Number::Float(value) => {
+            let (fits, largest) = match variable.kind {
+                Type::Float32 => ((value as f32).is_finite(), f64::from(f32::MAX)),
+                _ => (value.is_finite(), f64::MAX),
+            };
+            if !fits {
+                let kind = variable.kind.name();
+                return Err(
+                    format!("{value:?} {unit} is no {kind}: from {:?} to {largest:?}", -largest).replace("  ", " "),
+                );
+            }
             let limit = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok());
             within(
                 limit(min).map(|min| value >= min),
@@ -355,3 +370,6 @@ fn bytes_of(native: Native, number: Number) -> [u8; 8] {
     }
     bytes
 }
+
+#[cfg(test)]
+mod tests;

@@ -130,7 +130,7 @@ impl<'a> System<'a> {
             }
             let theirs = about.unit(variable);
             if let (Some(ours), Some(theirs)) = (&connector.unit, theirs) {
-                let mut line = Line::new();
+                let mut line = Line::of(variable.relative);
                 let same = line.convert(Some(ours), Some(theirs)).is_ok() && (line.at(1.0) - 1.0).abs() < 1e-6;
                 if !same {
                     let reason = format!(
@@ -240,7 +240,10 @@ impl<'a> System<'a> {
 
     /// The combined effect of all steps of a path on a number.
     fn line(&self, trace: &Trace<'a>) -> Result<Line, String> {
-        let mut line = Line::new();
+        let last = trace.steps.last().map(|step| step.taker);
+        let ends = last.into_iter().chain([trace.origin]);
+        let mut variables = ends.filter_map(|(element, name)| self.variable(element, name));
+        let mut line = Line::of(variables.any(|one| one.relative));
         let mut unit = self.unit(trace.origin.0, trace.origin.1);
         for Step { connection, taker } in &trace.steps {
             let transformation: &Transformation = &connection.transformation;
@@ -321,7 +324,7 @@ impl<'a> System<'a> {
                 let version = self.models[part?].description.version;
                 element(version, variable)
             });
-            let plain = self.line(&trace).is_ok_and(|line| line == Line::new());
+            let plain = self.line(&trace).is_ok_and(|line| line.is_identity());
             match part.filter(|_| signal.is_some()) {
                 Some(part) if plain => self
                     .flat

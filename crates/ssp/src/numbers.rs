@@ -18,6 +18,8 @@ pub struct Line {
     shift: f64,
     /// The part of the scale that comes from transformations, not from units.
     factor: f64,
+    /// Whether the value is a difference of two quantities, for which the offsets of units do not apply.
+    relative: bool,
 }
 
 impl Line {
@@ -27,12 +29,26 @@ impl Line {
             scale: 1.0,
             shift: 0.0,
             factor: 1.0,
+            relative: false,
         }
+    }
+
+    /// The identity, for a relative quantity or for any other one.
+    pub const fn of(relative: bool) -> Line {
+        Line {
+            relative,
+            ..Line::new()
+        }
+    }
+
+    /// Whether the value is the source.
+    pub fn is_identity(&self) -> bool {
+        *self == Line::of(self.relative)
     }
 
     /// The value for a given source.
     pub fn at(&self, source: f64) -> f64 {
-        if *self == Line::new() {
+        if self.is_identity() {
             return source;
         }
         self.scale * source + self.shift
@@ -63,9 +79,13 @@ impl Line {
                 theirs.text()
             ));
         }
-        if (ours.factor, ours.offset) != (theirs.factor, theirs.offset) {
+        let offsets = match self.relative {
+            true => (0.0, 0.0),
+            false => (ours.offset, theirs.offset),
+        };
+        if (ours.factor, offsets.0) != (theirs.factor, offsets.1) {
             self.scale *= ours.factor / theirs.factor;
-            self.shift = (ours.factor * self.shift + ours.offset - theirs.offset) / theirs.factor;
+            self.shift = (ours.factor * self.shift + offsets.0 - offsets.1) / theirs.factor;
         }
         Ok(())
     }
@@ -200,6 +220,20 @@ mod tests {
         line.convert(Some(&celsius), Some(&kelvin)).unwrap();
         assert_eq!(line.at(20.0), 293.15);
         assert_eq!(line.between(&celsius.of_port(), &kelvin.of_port()), Ok((None, None)));
+    }
+
+    #[test]
+    fn relative_quantity_has_no_offset() {
+        // 10 K are 10 degrees Celsius, where both are differences; a connector of a system may state either.
+        let celsius = unit("degC", HEAT, 1.0, 273.15);
+        let difference = celsius.of_differences().unwrap();
+        let kelvin = unit("K", HEAT, 1.0, 0.0);
+        let mut line = Line::of(true);
+        for (from, to) in [(&celsius, &kelvin), (&kelvin, &celsius), (&celsius, &difference)] {
+            line.convert(Some(from), Some(to)).unwrap();
+        }
+        assert_eq!(line.at(10.0), 10.0);
+        assert_eq!(line.between(&kelvin.of_port(), &difference.of_port()), Ok((None, None)));
     }
 
     #[test]

@@ -165,7 +165,7 @@ fn passed(text: &str, way: &[Passed<'_>]) -> String {
 
 /// The number after its path, in the unit of the variable.
 fn line(given: &Given, variable: &Variable, description: &Description, way: &[Passed<'_>]) -> Result<Line, String> {
-    let mut line = Line::new();
+    let mut line = Line::of(variable.relative);
     let mut unit = given.unit.as_ref();
     for (suppress, transformation, taker) in way {
         if !suppress {
@@ -187,7 +187,7 @@ fn quantity(description: &Description, variable: &Variable, numbers: &[f64], arr
             variable.name
         ));
     }
-    let unit = description.unit(variable).filter(|unit| unit.of_port().unit != "1");
+    let unit = description.unit(variable).filter(|unit| !unit.is_pure());
     let texts: Vec<String> = numbers.iter().map(|number| format!("{number:?}")).collect();
     Ok(match (unit, array) {
         (Some(unit), true) => Value::String(format!("[{}] {}", texts.join(", "), unit.name)),

@@ -9,6 +9,8 @@ mod log;
 mod three;
 mod two;
 
+#[cfg(test)]
+pub use interface::Stepped;
 pub use interface::{Instance, Native, Status, Texts, Values};
 pub use library::LoadError;
 pub use log::{Log, to_standard_error};

@@ -288,8 +288,8 @@ impl Instance for Three {
     }
 
     fn step(&mut self, t: f64, step: f64) -> Stepped {
-        // Bytes, not `bool`: the FMU may write any value.
-        let (mut event, mut terminate, mut early, mut last) = (0_u8, 0_u8, 0_u8, t);
+        // Bytes, not `bool`: the FMU may write any value. An instant that it does not write stays unknown.
+        let (mut event, mut terminate, mut early, mut last) = (0_u8, 0_u8, 0_u8, f64::NAN);
         let do_step = self.functions.do_step;
         // SAFETY: the instance is alive and initialised.
         let status = unsafe {
@@ -308,7 +308,7 @@ impl Instance for Three {
             status: Status::of(status),
             terminate: terminate != 0,
             early: early != 0,
-            last: Some(last),
+            last: (!last.is_nan()).then_some(last),
         }
     }
 

@@ -67,6 +67,8 @@ pub struct Description {
     pub experiment: Experiment,
     /// The units by name.
     pub units: BTreeMap<String, Unit>,
+    /// The units that have an offset, without it: for relative quantities.
+    pub differences: BTreeMap<String, Unit>,
     /// The variables in the order of the file.
     pub variables: Vec<Variable>,
     /// The names of the log categories.
@@ -81,8 +83,10 @@ impl Description {
         self.variables.iter().find(|variable| variable.name == name)
     }
 
-    /// The variable's unit, where the description defines it.
+    /// The variable's unit, where the description defines it; without an offset for a relative quantity.
     pub fn unit(&self, variable: &Variable) -> Option<&Unit> {
-        variable.unit.as_ref().and_then(|name| self.units.get(name))
+        let name = variable.unit.as_ref()?;
+        let difference = self.differences.get(name).filter(|_| variable.relative);
+        difference.or_else(|| self.units.get(name))
     }
 }

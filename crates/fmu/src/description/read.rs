@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::content::{Abilities, Description, Experiment, Version};
+use super::literals;
 use super::nodes::{child, elements, range, type_of, words};
 use super::units::{BaseUnit, Unit};
 use super::variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
@@ -38,6 +39,7 @@ pub enum DescriptionError {
 struct Declared {
     range: Range,
     unit: Option<String>,
+    relative: bool,
     items: Vec<Item>,
 }
 
@@ -179,6 +181,9 @@ impl<'a> Reader<'a> {
             token: self.needed(root, if two { "guid" } else { "instantiationToken" })?,
             abilities,
             experiment,
+            differences: (units.iter())
+                .filter_map(|(name, unit)| Some((name.clone(), unit.of_differences()?)))
+                .collect(),
             units,
             variables,
             log_categories: categories.map(str::to_owned).collect(),
@@ -231,6 +236,7 @@ impl<'a> Reader<'a> {
             let declared = Declared {
                 range: range(own),
                 unit: own.attribute("unit").map(str::to_owned),
+                relative: self.flag(own, "relativeQuantity")?,
                 items,
             };
             types.insert(name, declared);
@@ -261,6 +267,9 @@ impl<'a> Reader<'a> {
                     format!("`{}` has the unit `{unit}`, which is not defined", variable.name),
                 );
                 variable.unit = None;
+            }
+            for odd in literals::odd(&variable) {
+                self.problem(node, odd);
             }
             variables.push(variable);
         }
@@ -339,6 +348,10 @@ impl<'a> Reader<'a> {
                 .map(str::to_owned)
                 .or(declared.unit)
                 .filter(|unit| !unit.is_empty()),
+            relative: match own.has_attribute("relativeQuantity") {
+                true => self.flag(own, "relativeQuantity")?,
+                false => declared.relative,
+            },
             items: declared.items,
             extents,
             feedthrough: false,

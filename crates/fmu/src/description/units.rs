@@ -72,6 +72,20 @@ impl Conversion {
 }
 
 impl Unit {
+    /// Whether its values are numbers that need no unit: copied unchanged, without a dimension.
+    pub fn is_pure(&self) -> bool {
+        self.of_port() == Conversion::none("1")
+    }
+
+    /// The unit of differences, which has no offset; none where this unit has none either.
+    pub fn of_differences(&self) -> Option<Unit> {
+        let base = self.base.filter(|base| base.offset != 0.0)?;
+        Some(Unit {
+            name: self.name.clone(),
+            base: Some(BaseUnit { offset: 0.0, ..base }),
+        })
+    }
+
     /// The unit of a port for values in this unit, and the conversion: the FMU's own unit where the framework knows it with
     /// the same definition, else its base units.
     pub fn of_port(&self) -> Conversion {

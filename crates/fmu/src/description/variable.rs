@@ -48,6 +48,25 @@ impl Type {
         matches!(self, Type::Float64 | Type::Float32)
     }
 
+    /// Whether a limit or a start value in a description is a value of this type.
+    pub fn holds(self, text: &str) -> bool {
+        match (self, self.integers()) {
+            (Type::Float64, _) => text.parse::<f64>().is_ok(),
+            // A limit may be infinite; a number may not become so.
+            (Type::Float32, _) => {
+                let both = text.parse::<f64>().ok().zip(text.parse::<f32>().ok());
+                both.is_some_and(|(exact, single)| single.is_infinite() == exact.is_infinite())
+            }
+            (Type::Boolean, _) => matches!(text, "true" | "false" | "0" | "1"),
+            (_, Some((least, largest))) => {
+                let value = text.parse::<i128>();
+                value.is_ok_and(|value| (least..=largest).contains(&value))
+            }
+            // The size of a Binary, and no limits of other types.
+            _ => true,
+        }
+    }
+
     /// The least and the largest value of an integer type.
     pub const fn integers(self) -> Option<(i128, i128)> {
         Some(match self {
@@ -145,6 +164,8 @@ pub struct Variable {
     pub range: Range,
     /// The name of its unit.
     pub unit: Option<String>,
+    /// Whether it is a difference of two quantities, so that the offset of its unit does not apply (`relativeQuantity`).
+    pub relative: bool,
     /// The items of an enumeration.
     pub items: Vec<Item>,
     /// Extents, outermost first; empty for a scalar.

@@ -1,0 +1,126 @@
+//! Tests of settings on descriptions of a few variables.
+
+use super::*;
+use crate::layout::Layout;
+use crate::options::Options;
+
+fn described(variables: &str) -> Description {
+    let text = format!(
+        r#"<fmiModelDescription fmiVersion="3.0" modelName="m" instantiationToken="t">
+             <CoSimulation modelIdentifier="m"/>
+             <UnitDefinitions>
+               <Unit name="degC"><BaseUnit K="1" offset="273.15"/></Unit>
+               <Unit name="%"><BaseUnit factor="0.01"/></Unit>
+               <Unit name="s"><BaseUnit s="1"/></Unit>
+               <Unit name="1"><BaseUnit/></Unit>
+             </UnitDefinitions>
+             <TypeDefinitions>
+               <Float64Type name="Difference" unit="degC" relativeQuantity="true"/>
+             </TypeDefinitions>
+             <ModelVariables>{variables}</ModelVariables>
+           </fmiModelDescription>"#
+    );
+    Description::read(&text).unwrap()
+}
+
+fn set(about: &Description, parameters: &str) -> Result<f64, String> {
+    let table: Table = toml::from_str(parameters).unwrap();
+    let settings = Settings::read(about, &table).map_err(|error| error.to_string())?;
+    match &settings.start[0].value {
+        Content::Numbers(values) => Ok(f64::from_ne_bytes(values.bytes(0))),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn offset_of_a_unit_is_not_for_relative_quantities() {
+    let about = described(
+        r#"<Float64 name="t" valueReference="1" causality="parameter" unit="degC"/>
+           <Float64 name="d" valueReference="2" causality="parameter" unit="degC" relativeQuantity="true"/>
+           <Float64 name="typed" valueReference="3" causality="parameter" declaredType="Difference"/>
+           <Float64 name="own" valueReference="4" causality="parameter" declaredType="Difference" relativeQuantity="false"/>
+           <Float64 name="u" valueReference="5" causality="input" unit="degC" relativeQuantity="true"/>"#,
+    );
+    for (name, value) in [
+        ("t", 10.0 - 273.15),
+        ("d", 10.0),
+        ("typed", 10.0),
+        ("own", 10.0 - 273.15),
+    ] {
+        assert_eq!(set(&about, &format!("{name} = '10 K'")), Ok(value), "{name}");
+        assert_eq!(set(&about, &format!("{name} = '10 degC'")), Ok(10.0), "{name}");
+    }
+    let layout = Layout::new(&about, &Options::default(), &Settings::default()).unwrap();
+    assert_eq!(layout.interface.inputs[0].descriptor.fields[0].unit, "K");
+    assert!(layout.inputs[0].slots.is_empty(), "the port's values are copied");
+}
+
+#[test]
+fn parameter_is_given_once() {
+    let about = described(r#"<Float64 name="inner.k" valueReference="1" causality="parameter"/>"#);
+    assert_eq!(set(&about, "inner = { k = 2 }"), Ok(2.0));
+    assert_eq!(set(&about, "'inner.k' = 3.0"), Ok(3.0));
+    let error = set(&about, "inner = { k = 2.0 }\n'inner.k' = 3.0").unwrap_err();
+    for part in ["`inner.k`: ", "`inner.k = 2.0`", "`\"inner.k\" = 3.0`", "remove one"] {
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn number_beyond_its_type_is_refused() {
+    let about = described(
+        r#"<Float32 name="single" valueReference="1" causality="parameter"/>
+           <Float64 name="share" valueReference="2" causality="parameter" unit="%"/>"#,
+    );
+    for wrong in ["single = 1e39", "single = -1e39", "share = '1e308 1'"] {
+        let error = set(&about, wrong).unwrap_err();
+        assert!(error.contains("is no Float") && error.contains("from -"), "{error}");
+    }
+    assert!(set(&about, "single = 3.4e38").is_ok());
+}
+
+#[test]
+fn unit_with_a_factor_is_needed_even_without_a_dimension() {
+    let about = described(
+        r#"<Float64 name="share" valueReference="1" causality="parameter" unit="%" start="0.5"/>
+           <Float64 name="pure" valueReference="2" causality="parameter" unit="1" start="0.5"/>"#,
+    );
+    let error = set(&about, "share = 0.5").unwrap_err();
+    assert!(
+        error.contains("0.5 has no unit") && error.contains("\"0.5 %\""),
+        "{error}"
+    );
+    assert_eq!(set(&about, "pure = 0.5"), Ok(0.5));
+    // Generated scenarios say it too.
+    let written = crate::inspect::written(&about);
+    assert_eq!(written[0].1, Value::String("0.5 %".into()));
+    assert_eq!(written[1].1, Value::Float(0.5));
+    assert!(Settings::read(&about, &written.into_iter().collect()).is_ok());
+}
+
+#[test]
+fn unit_is_all_of_the_text_after_the_number() {
+    let about = described(
+        r#"<Float64 name="time" valueReference="1" causality="parameter" unit="s"/>
+           <Float64 name="share" valueReference="2" causality="parameter" unit="%"/>
+           <Float64 name="pure" valueReference="3" causality="parameter" unit="1"/>"#,
+    );
+    for wrong in ["5 1/s", "5 m s"] {
+        let error = set(&about, &format!("time = '{wrong}'"));
+        assert!(
+            error.clone().is_err_and(|error| error.contains(wrong)),
+            "{wrong}: {error:?}"
+        );
+    }
+    assert!(set(&about, "pure = '0.1'").is_err());
+    for (right, value) in [
+        ("time = '5 s'", 5.0),
+        ("time = ' -5e1s '", -50.0),
+        ("time = '5 ms'", 5e-3),
+        ("share = '5%'", 5.0),
+        ("share = '0.5 1'", 50.0),
+        ("pure = '0.1 1'", 0.1),
+    ] {
+        assert_eq!(set(&about, right), Ok(value), "{right}");
+    }
+}
