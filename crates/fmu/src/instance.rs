@@ -40,7 +40,7 @@ pub struct Running {
 }
 
 impl Running {
-    /// Unpacks, loads and initialises an FMU for a run that starts at `start`, s.
+    /// Unpacks, loads and initialises an FMU for a run that starts at `start`, s; `alone` where it is the only participant of the process.
     ///
     /// # Errors
     /// Names the function that failed, with the FMU's own log.
@@ -50,6 +50,7 @@ impl Running {
         name: &str,
         start: f64,
         tolerance: Option<f64>,
+        alone: bool,
     ) -> Result<Running, Failure> {
         let description = &model.description;
         let only = match description.abilities.once_per_process {
@@ -73,7 +74,7 @@ impl Running {
         // Some FMUs are exported without resources, and read the folder nevertheless.
         let _ = std::fs::create_dir(folder.join("resources"));
         let log = Log::default();
-        let instance = abi::instantiate(description, &folder.join(library), &folder, name, &log)?;
+        let instance = abi::instantiate(description, &folder.join(library), &folder, name, &log, alone)?;
         let mut running = Running {
             instance,
             log,

@@ -124,7 +124,8 @@ impl Fmu {
     fn start(&mut self, t: f64) -> Result<(), Failure> {
         // The previous instance is dropped first: some FMUs permit one instance only.
         self.running = None;
-        let running = Running::start(&self.model, &self.settings, &self.name, t, self.tolerance)?;
+        let (name, alone) = (&self.name, self.own_process);
+        let running = Running::start(&self.model, &self.settings, name, t, self.tolerance, alone)?;
         if self.own_process {
             let work = running.work();
             std::env::set_current_dir(&work).map_err(|error| format!("`{}`: {error}", work.display()))?;
