@@ -1,5 +1,6 @@
 //! A running FMU: unpacked, loaded, initialised, stepped, terminated.
 
+use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -35,8 +36,10 @@ pub struct Running {
     _scratch: Scratch,
     /// True after the initialisation, until a failure.
     stepping: bool,
-    /// Whether it may be freed.
+    /// Whether it must not be freed.
     fatal: bool,
+    /// How saving its state failed last.
+    unsaved: Cell<Status>,
 }
 
 impl Running {
@@ -82,6 +85,7 @@ impl Running {
             _scratch: scratch,
             stepping: false,
             fatal: false,
+            unsaved: Cell::new(Status::Ok),
         };
         running.initialise(settings, start, tolerance)?;
         Ok(running)
@@ -208,9 +212,12 @@ impl Running {
     /// The serialised state.
     ///
     /// # Errors
-    /// The FMU's error.
-    pub fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
-        self.instance.serialise()
+    /// The function that failed and its status, with the FMU's own log.
+    pub fn serialise(&self) -> Result<Vec<u8>, String> {
+        self.instance.serialise().map_err(|(function, status)| {
+            self.unsaved.set(status);
+            format!("{function} {}{}", status.words(), self.log.take())
+        })
     }
 
     /// Restores a state.
@@ -225,7 +232,9 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        if self.stepping {
+        let unsaved = self.unsaved.get();
+        self.fatal |= unsaved == Status::Fatal;
+        if self.stepping && (unsaved.done() || unsaved == Status::Discard) {
             let status = self.instance.terminate();
             self.fatal |= status == Status::Fatal;
         }
