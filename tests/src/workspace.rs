@@ -8,8 +8,9 @@ use crate::program::root;
 
 /// The workspace packages that each library and each program may link. A package that is not listed (programs at the top, tests, examples,
 /// benches) may link anything, and no package may link it.
-pub const ARROWS: [(&str, &[&str]); 25] = [
+pub const ARROWS: [(&str, &[&str]); 26] = [
     ("allocation", &[]),
+    ("exit-guard", &[]),
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &[]),
@@ -17,9 +18,9 @@ pub const ARROWS: [(&str, &[&str]); 25] = [
     ("synthesis", &["multibody"]),
     ("interfaces", &["lockstep", "multibody"]),
     ("tape", &["lockstep"]),
-    ("fmu", &["lockstep"]),
+    ("fmu", &["exit-guard", "lockstep"]),
     ("ssp", &["fmu", "lockstep"]),
-    ("plugin", &["lockstep"]),
+    ("plugin", &["exit-guard", "lockstep"]),
     ("testing", &["allocation"]),
     ("sampling", &["lockstep"]),
     ("report", &["lockstep", "multibody", "tape"]),

@@ -8,6 +8,14 @@ use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator,
 
 /// A run of the FMU `file` alone, with a separate folder for temporary files, which is empty afterwards.
 fn run(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
+    let said = ended(folder, file, keys, arguments);
+    let temporary = folder.path().join("temporary");
+    assert_eq!(unpacked(&temporary), Vec::<std::path::PathBuf>::new(), "{said:?}");
+    said
+}
+
+/// The same, whatever is left.
+fn ended(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
     let scenario = folder.write(
         "bad.toml",
         &format!(
@@ -27,9 +35,7 @@ fn run(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
-    let said = finish(command.spawn().expect("the program can be started"));
-    assert_eq!(unpacked(&temporary), Vec::<std::path::PathBuf>::new(), "{said:?}");
-    said
+    finish(command.spawn().expect("the program can be started"))
 }
 
 #[test]
@@ -61,6 +67,21 @@ fn failing_fmu_is_named_with_its_own_words() {
                 assert!(said.err.contains(word), "{fault}: `{word}`: {said:?}");
             }
         }
+    }
+}
+
+#[test]
+fn exit_in_the_program_is_a_failure_that_names_the_fmu() {
+    for version in [2, 3] {
+        let folder = Folder::new("exits");
+        let file = Recipe {
+            fault: "EXIT",
+            ..Recipe::new(version)
+        }
+        .build(&folder, "bad");
+        let said = ended(&folder, &file, "run.ports.inputs = []", &["--in-process"]);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(said.err.contains("it: the FMU called exit() in DoStep"), "{said:?}");
     }
 }
 

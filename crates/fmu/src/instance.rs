@@ -1,5 +1,6 @@
 //! A running FMU: unpacked, loaded, initialised, stepped, terminated.
 
+use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -42,12 +43,14 @@ pub struct Running {
     _scratch: Scratch,
     /// True after the initialisation, until a failure.
     stepping: bool,
-    /// Whether it may be freed.
+    /// Whether it must not be freed.
     fatal: bool,
+    /// How saving its state failed last.
+    unsaved: Cell<Status>,
 }
 
 impl Running {
-    /// Unpacks, loads and initialises an FMU for a run that starts at `start`, s.
+    /// Unpacks, loads and initialises an FMU for a run that starts at `start`, s; `alone` where it is the only participant of the process.
     ///
     /// # Errors
     /// Names the function that failed, with the FMU's own log.
@@ -57,6 +60,7 @@ impl Running {
         name: &str,
         start: f64,
         tolerance: Option<f64>,
+        alone: bool,
     ) -> Result<Running, Failure> {
         let description = &model.description;
         let only = match description.abilities.once_per_process {
@@ -80,7 +84,7 @@ impl Running {
         // Some FMUs are exported without resources, and read the folder nevertheless.
         let _ = std::fs::create_dir(folder.join("resources"));
         let log = Log::default();
-        let instance = abi::instantiate(description, &folder.join(library), &folder, name, &log)?;
+        let instance = abi::instantiate(description, &folder.join(library), &folder, name, &log, alone)?;
         let mut running = Running {
             instance,
             log,
@@ -88,6 +92,7 @@ impl Running {
             _scratch: scratch,
             stepping: false,
             fatal: false,
+            unsaved: Cell::new(Status::Ok),
         };
         running.initialise(settings, start, tolerance)?;
         Ok(running)
@@ -226,9 +231,12 @@ impl Running {
     /// The serialised state.
     ///
     /// # Errors
-    /// The FMU's error.
-    pub fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
-        self.instance.serialise()
+    /// The function that failed and its status, with the FMU's own log.
+    pub fn serialise(&self) -> Result<Vec<u8>, String> {
+        self.instance.serialise().map_err(|(function, status)| {
+            self.unsaved.set(status);
+            format!("{function} {}{}", status.words(), self.log.take())
+        })
     }
 
     /// Restores a state.
@@ -243,7 +251,9 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        if self.stepping {
+        let unsaved = self.unsaved.get();
+        self.fatal |= unsaved == Status::Fatal;
+        if self.stepping && (unsaved.done() || unsaved == Status::Discard) {
             let status = self.instance.terminate();
             self.fatal |= status == Status::Fatal;
         }

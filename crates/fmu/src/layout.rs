@@ -104,6 +104,29 @@ struct Planned<'a> {
     conversion: Conversion,
 }
 
+/// The name of the bytes that fill a payload: `padding`, unless a field has that name. All of these names need not be fed.
+fn padding(fields: &[Field]) -> String {
+    let mut name = "padding".to_owned();
+    let mut number = 1;
+    while fields.iter().any(|field| field.name == name) {
+        number += 1;
+        name = format!("padding_{number}");
+    }
+    name
+}
+
+/// Why an input cannot be set by a field if `other` is already set by one.
+fn twice(other: &str, variable: &Variable) -> String {
+    let (name, reference) = (&variable.name, variable.reference);
+    if other == name {
+        return format!("the input `{name}` stands in two fields");
+    }
+    format!(
+        "the inputs `{other}` and `{name}` have the same value reference {reference}, so they are one value, which only one field can set: \
+         leave out one of them with `ports`"
+    )
+}
+
 struct Planner<'a> {
     description: &'a Description,
     settings: &'a Settings,
@@ -360,8 +383,9 @@ impl<'a> Planner<'a> {
         }
         let rest = offset.next_multiple_of(largest) - offset;
         if rest > 0 {
+            let name = padding(&described);
             described.push(Field {
-                name: "padding".into(),
+                name,
                 element: Element::U8,
                 shape: vec![rest as u32],
                 unit: "1".into(),
@@ -415,8 +439,10 @@ impl<'a> Planner<'a> {
                     transfers.len() - 1
                 });
             let transfer = &mut transfers[at];
-            if input && transfer.values.references.contains(&variable.reference) {
-                return Err(format!("the input `{}` stands in two fields", variable.name));
+            let same = |reference: &u32| *reference == variable.reference;
+            if let (true, Some(other)) = (input, transfer.values.references.iter().position(same)) {
+                // There is one slot for each reference, in the same order.
+                return Err(twice(&transfer.slots[other].name, variable));
             }
             let first = transfer.values.count;
             let mut references = std::mem::take(&mut transfer.values.references);

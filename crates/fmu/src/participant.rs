@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::participant::{Failure, Inputs, Interface, Log, Outputs, ParameterError, Participant, Setup, Step};
 use lockstep::wire;
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +46,10 @@ struct Fmu {
     running: Option<Running>,
     /// The input history, where the FMU cannot save its state.
     history: Option<History>,
+    /// The participant's log, after the initialisation: why the state cannot be saved.
+    log: Option<Log>,
+    /// The instant up to which it has been stepped, s.
+    reached: f64,
 }
 
 /// Checks that `file` is an FMU that can run here, and that the other keys of `run` fit it.
@@ -118,13 +122,16 @@ impl Fmu {
             own_process,
             running: None,
             history: None,
+            log: None,
+            reached: setup.offset,
         })
     }
 
     fn start(&mut self, t: f64) -> Result<(), Failure> {
         // The previous instance is dropped first: some FMUs permit one instance only.
         self.running = None;
-        let running = Running::start(&self.model, &self.settings, &self.name, t, self.tolerance)?;
+        let (name, alone) = (&self.name, self.own_process);
+        let running = Running::start(&self.model, &self.settings, name, t, self.tolerance, alone)?;
         if self.own_process {
             let work = running.work();
             std::env::set_current_dir(&work).map_err(|error| format!("`{}`: {error}", work.display()))?;
@@ -158,6 +165,23 @@ impl Fmu {
             }
         }
         Ok(())
+    }
+
+    /// The state.
+    ///
+    /// # Errors
+    /// Why it cannot be saved.
+    fn state(&self) -> Result<State, String> {
+        match &self.history {
+            Some(history) if history.full => {
+                Err("it has no functions for its state, and its inputs have changed so often that their history is too large".into())
+            }
+            Some(history) => Ok(State::Played(history.clone())),
+            None => {
+                let running = self.running.as_ref().ok_or("it is not initialised")?;
+                running.serialise().map(State::Own)
+            }
+        }
     }
 
     /// Copies the FMU's log messages to the participant's log.
@@ -212,6 +236,8 @@ impl Participant for Fmu {
     }
 
     fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        self.log = Some(outputs.log_of().clone());
+        self.reached = t;
         self.start(t)?;
         self.tell(outputs);
         if !self.feedthrough
@@ -226,17 +252,23 @@ impl Participant for Fmu {
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         let done = self.advance(step.t, inputs, outputs);
         self.tell(outputs);
+        self.reached = step.t_next;
         done
     }
 
     fn save(&self) -> Option<Vec<u8>> {
-        let state = match &self.history {
-            Some(history) if history.full => return None,
-            Some(history) => State::Played(history.clone()),
-            None => State::Own(self.running.as_ref()?.serialise().ok()?),
+        let state = self.state();
+        let saved = state.and_then(|state| {
+            let token = self.model.description.token.clone();
+            wire::encode("the state of an FMU", &Saved { token, state }).map_err(|error| error.to_string())
+        });
+        // Whoever asks for the state learns only that there is none.
+        let tell = |reason: String| {
+            let log = self.log.clone().unwrap_or_else(|| Log::new(&self.name, None));
+            log.at(self.reached)
+                .write(format_args!("the state of the FMU cannot be saved: {reason}"));
         };
-        let token = self.model.description.token.clone();
-        wire::encode("the state of an FMU", &Saved { token, state }).ok()
+        saved.map_err(tell).ok()
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
@@ -256,5 +288,129 @@ impl Participant for Fmu {
                 running.deserialise(&bytes)
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use lockstep::participant::{Line, Sink};
+
+    use super::*;
+    use crate::zip::Archive;
+
+    /// An archive of files that are not packed.
+    fn archive(files: &[(&str, &str)]) -> Vec<u8> {
+        let (mut bytes, mut directory) = (Vec::new(), Vec::new());
+        for (name, contents) in files {
+            let at = bytes.len() as u32;
+            // From the needed version to the length of the extra field, the same in both headers.
+            let mut about = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+            about.extend(crc32fast::hash(contents.as_bytes()).to_le_bytes());
+            about.extend([(contents.len() as u32).to_le_bytes(); 2].concat());
+            about.extend((name.len() as u32).to_le_bytes());
+            bytes.extend([b"PK\x03\x04", &about[..], name.as_bytes(), contents.as_bytes()].concat());
+            directory.extend(
+                [
+                    b"PK\x01\x02\x14\x00",
+                    &about[..],
+                    &[0; 10],
+                    &at.to_le_bytes(),
+                    name.as_bytes(),
+                ]
+                .concat(),
+            );
+        }
+        let (count, at) = ((files.len() as u16).to_le_bytes(), (bytes.len() as u32).to_le_bytes());
+        let size = (directory.len() as u32).to_le_bytes();
+        let end = [b"PK\x05\x06\0\0\0\0", &count[..], &count, &size, &at, &[0, 0]].concat();
+        bytes.extend([directory, end].concat());
+        bytes
+    }
+
+    /// The participant of an FMU with these variables, none of whose code is there.
+    fn fmu(name: &str, variables: &str) -> Result<Fmu, ParameterError> {
+        let description = format!(
+            "<fmiModelDescription fmiVersion='3.0' modelName='m' instantiationToken='t'><CoSimulation modelIdentifier='m'/>\
+             <ModelVariables>{variables}</ModelVariables><ModelStructure/></fmiModelDescription>"
+        );
+        let files = [
+            ("modelDescription.xml", description.as_str()),
+            ("binaries/x86_64-linux/m.so", ""),
+        ];
+        let file = std::env::temp_dir().join(format!("{name}-{}.fmu", std::process::id()));
+        std::fs::write(&file, archive(&files)).expect("the file can be written");
+        let setup = Setup {
+            name: "it".into(),
+            parameters: toml::Table::new(),
+            seed: 1,
+            period: 1.0,
+            offset: 0.0,
+        };
+        let made = Fmu::make(&file, &toml::Table::new(), &setup, false);
+        std::fs::remove_file(&file).expect("the file is there");
+        made
+    }
+
+    #[test]
+    fn padding_has_a_name_that_no_variable_has() {
+        let variables = "<Float64 name='padding' valueReference='1' causality='output'/>\
+                         <Int8 name='padding_2' valueReference='2' causality='output'/>";
+        let interface = fmu("padding", variables)
+            .expect("the variables are in order")
+            .interface();
+        let fields = &interface.outputs[0].descriptor.fields;
+        let names: Vec<(&str, bool)> = fields.iter().map(|one| (one.name.as_str(), one.is_padding())).collect();
+        assert_eq!(names, [("padding", false), ("padding_2", false), ("padding_3", true)]);
+    }
+
+    #[test]
+    fn inputs_with_one_value_reference_are_both_named() {
+        let variables = "<Float64 name='u1' valueReference='7' causality='input'/>\
+                         <Float64 name='u2' valueReference='7' causality='input'/>";
+        let error = fmu("twice", variables).err().expect("it is refused").to_string();
+        assert!(
+            error.contains("the inputs `u1` and `u2` have the same value reference 7"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn file_in_place_of_a_folder_is_refused() {
+        for inside in ["resources/a", "resources/a/b", "resources/"] {
+            let bytes = archive(&[(inside, ""), ("resources-of", ""), ("resources", "")]);
+            let error = Archive::read(bytes).expect_err("it is refused").to_string();
+            let words = format!("`resources` in the archive: it is a file, and the folder of `{inside}`");
+            assert!(error.contains(&words), "{error}");
+        }
+        let fine = archive(&[("resources-of", ""), ("resources/", ""), ("resources/a", "")]);
+        assert!(Archive::read(fine).is_ok());
+    }
+
+    #[derive(Default)]
+    struct Lines(Mutex<Vec<String>>);
+
+    impl Sink for Lines {
+        fn say(&self, line: &Line<'_>) {
+            self.0.lock().expect("no thread panicked").push(line.to_string());
+        }
+    }
+
+    #[test]
+    fn why_a_state_cannot_be_saved_is_in_the_log() {
+        let variables = "<Float64 name='y' valueReference='1' causality='output'/>";
+        let mut fmu = fmu("unsaved", variables).expect("the variables are in order");
+        let lines = Arc::new(Lines::default());
+        fmu.log = Some(Log::new("it", Some(lines.clone())));
+        fmu.history = Some(History::new(0.0));
+        assert!(fmu.save().is_some() && lines.0.lock().expect("no thread panicked").is_empty());
+        fmu.history.iter_mut().for_each(|history| history.full = true);
+        assert!(fmu.save().is_none());
+        let said = lines.0.lock().expect("no thread panicked").join("\n");
+        assert!(
+            said.starts_with("it at t = 0 s: the state of the FMU cannot be saved: it has no functions"),
+            "{said}"
+        );
     }
 }

@@ -125,7 +125,26 @@ impl Archive {
             archive.entries.push(entry);
             at = next;
         }
+        archive.check_folders()?;
         Ok(archive)
+    }
+
+    /// Checks that no file stands where others need a folder.
+    fn check_folders(&self) -> Result<(), ZipError> {
+        let mut names: Vec<&str> = self.entries.iter().map(|entry| entry.name.as_str()).collect();
+        names.sort_unstable();
+        for file in self.entries.iter().filter(|entry| !entry.name.ends_with('/')) {
+            let folder = format!("{}/", file.name);
+            let inside = names.get(names.partition_point(|name| *name < folder.as_str()));
+            if let Some(inside) = inside.filter(|name| name.starts_with(&folder)) {
+                let reason = format!(
+                    "it is a file, and the folder of `{}`; export the FMU again, with one of the two under another name",
+                    inside.escape_debug()
+                );
+                return Err(refuse(&file.name, reason));
+            }
+        }
+        Ok(())
     }
 
     /// The entry of the directory that starts at `at`, and the position of the next one.

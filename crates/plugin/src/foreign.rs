@@ -7,7 +7,6 @@ use lockstep::participant::{
     Failure, Inputs, Interface, Log, Outputs, ParameterError, Participant, Setup, Step, Termination,
 };
 
-use crate::exit;
 use crate::guarded::Guarded;
 use crate::seat::Seat;
 use crate::table::{self, Host, OK, SEEN_EVER, SEEN_NOW, Status, Table};
@@ -70,11 +69,9 @@ impl Foreign {
         let said = unsafe { &made.0.as_ref().said };
         let describe = table.describe.ok_or_else(|| unusable("it has no `describe`".into()))?;
         said.describing.set(true);
-        let status = {
-            let _inside = exit::enter(&said.name, "describe");
-            // SAFETY: the arguments satisfy the ABI.
-            unsafe { describe(made.0.as_ptr().cast_const().cast(), &raw mut own) }
-        };
+        let (host, place) = (made.0.as_ptr().cast_const().cast(), &raw mut own);
+        // SAFETY: the arguments satisfy the ABI.
+        let status = said.guard.call("describe", || unsafe { describe(host, place) });
         said.describing.set(false);
         if status != OK {
             let refusal = said.refusal.take();
@@ -130,10 +127,7 @@ impl Foreign {
     ) -> Result<(), Failure> {
         let said = self.said();
         said.now.set(t);
-        let status = {
-            let _inside = exit::enter(&said.name, function);
-            call(self.seat.as_ptr().cast_const().cast(), self.own)
-        };
+        let status = (said.guard).call(function, || call(self.seat.as_ptr().cast_const().cast(), self.own));
         let failure = said.failure.take();
         self.look(function)?;
         match failure {

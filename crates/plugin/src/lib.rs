@@ -11,7 +11,6 @@
 //! why a participant has a process of its own unless its user configures otherwise.
 
 mod elf;
-mod exit;
 mod export;
 mod foreign;
 mod guarded;

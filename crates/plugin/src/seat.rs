@@ -4,6 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use exit_guard::Guard;
 use lockstep::participant::{Input, Interface, Kind, Log, Output, ParameterError, Setup};
 use lockstep::port::Descriptor;
 use lockstep::random::Stream;
@@ -22,6 +23,8 @@ pub(crate) struct Seat {
 /// What a participant has reported, and the data that it may read.
 pub(crate) struct Said {
     pub(crate) name: String,
+    /// For the calls of its functions.
+    pub(crate) guard: Guard,
     /// The text that the host's `name` points to.
     _c_name: CString,
     seed: u64,
@@ -81,6 +84,11 @@ impl Seat {
             },
             said: Said {
                 name: setup.name.clone(),
+                guard: Guard::new(&setup.name, |function| {
+                    format!(
+                        "its function `{function}` called exit(): a participant ends with its run; to give up, return escapement_fail(…)"
+                    )
+                }),
                 _c_name: c_name,
                 seed: setup.seed,
                 parameters,

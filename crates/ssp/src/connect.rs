@@ -105,8 +105,10 @@ impl<'a> System<'a> {
             let shown = structure.shown(element, &connector.name);
             let Some(variable) = about.variable(&connector.name) else {
                 let known = about.variables.iter().map(|one| one.name.as_str());
-                let known = fmu::nearest(&connector.name, known).unwrap_or_default();
-                let reason = format!("the FMU has no variable for the connector `{shown}`; did you mean `{known}`?");
+                let mut reason = format!("the FMU has no variable for the connector `{shown}`");
+                if let Some(known) = fmu::nearest(&connector.name, known) {
+                    reason += &format!("; did you mean `{known}`?");
+                }
                 self.refuse(connector.line, reason);
                 continue;
             };

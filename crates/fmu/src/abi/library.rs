@@ -4,6 +4,8 @@ use std::ffi::{CStr, CString, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use exit_guard::Guard;
+
 /// Why an instance cannot be created.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
@@ -30,6 +32,8 @@ pub enum LoadError {
 /// A loaded library.
 pub(super) struct Library {
     handle: *mut c_void,
+    /// For the code that the library executes when it is unloaded.
+    guard: Option<Guard>,
 }
 
 fn last_error() -> String {
@@ -65,7 +69,7 @@ fn load_python() -> bool {
 }
 
 impl Library {
-    pub(super) fn load(path: &Path) -> Result<Library, LoadError> {
+    pub(super) fn load(path: &Path, guard: Option<Guard>) -> Result<Library, LoadError> {
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|_| LoadError::Path(path.to_owned()))?;
         let mut handle = open(&name, libc::RTLD_LOCAL);
         if handle.is_null() {
@@ -82,7 +86,7 @@ impl Library {
         if handle.is_null() {
             return Err(LoadError::Load(last_error()));
         }
-        Ok(Library { handle })
+        Ok(Library { handle, guard })
     }
 
     /// The address of a function.
@@ -101,7 +105,11 @@ impl Library {
 impl Drop for Library {
     fn drop(&mut self) {
         // SAFETY: the handle is that of dlopen; nothing of the library is used afterwards.
-        unsafe { libc::dlclose(self.handle) };
+        let close = || unsafe { libc::dlclose(self.handle) };
+        match &self.guard {
+            Some(guard) => guard.call("the finalisation of its library", close),
+            None => close(),
+        };
     }
 }
 

@@ -3,6 +3,7 @@
 //! Only the functions that co-simulation needs: the bindings are small enough to be written here, so a step calls the FMU
 //! directly. All calls of foreign code are in this module.
 
+mod guarded;
 mod interface;
 mod library;
 mod log;
@@ -18,8 +19,10 @@ pub use log::{Log, to_standard_error};
 use std::path::Path;
 
 use crate::description::{Description, Version};
+use guarded::Guarded;
 
-/// Loads the library of the FMU that is unpacked in `folder` and creates an instance called `name`.
+/// Loads the library of the FMU that is unpacked in `folder` and creates an instance called `name`. `alone` where nothing else depends
+/// on the process: whoever started it then sees that it has ended, and with which status.
 ///
 /// # Errors
 /// Names the library or the function, with the FMU's log.
@@ -29,9 +32,29 @@ pub fn instantiate(
     folder: &Path,
     name: &str,
     log: &Log,
+    alone: bool,
 ) -> Result<Box<dyn Instance>, LoadError> {
+    const INSTANTIATE: &str = "its library's initialisation or in Instantiate";
+    let (two, three) = (
+        |guard| two::Two::new(description, library, folder, name, log, guard),
+        |guard| three::Three::new(description, library, folder, name, log, guard),
+    );
+    if alone {
+        return Ok(match description.version {
+            Version::Two => Box::new(two(None)?),
+            Version::Three => Box::new(three(None)?),
+        });
+    }
+    let guard = guarded::guard(name);
+    let own = Some(guard.clone());
     Ok(match description.version {
-        Version::Two => Box::new(two::Two::new(description, library, folder, name, log)?),
-        Version::Three => Box::new(three::Three::new(description, library, folder, name, log)?),
+        Version::Two => {
+            let instance = guard.call(INSTANTIATE, || two(own))?;
+            Box::new(Guarded { instance, guard })
+        }
+        Version::Three => {
+            let instance = guard.call(INSTANTIATE, || three(own))?;
+            Box::new(Guarded { instance, guard })
+        }
     })
 }

@@ -4,6 +4,8 @@ use std::ffi::{CString, c_char, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
+use exit_guard::Guard;
+
 use super::interface::{Instance, Native, Status, Stepped, Texts, Values, failure_categories};
 use super::library::{Library, LoadError, functions};
 use super::log::{Log, log_message};
@@ -91,8 +93,9 @@ impl Three {
         folder: &Path,
         name: &str,
         log: &Log,
+        guard: Option<Guard>,
     ) -> Result<Three, LoadError> {
-        let loaded = Library::load(library)?;
+        let loaded = Library::load(library, guard)?;
         let functions = Functions::load(&loaded)?;
         let state = description
             .abilities
