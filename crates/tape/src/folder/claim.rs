@@ -104,6 +104,11 @@ impl Claim {
         &self.folder
     }
 
+    /// Whether a previous run is set aside for it.
+    pub fn replaces(&self) -> bool {
+        self.replaces
+    }
+
     /// The run has begun: the folder stays, and the previous content is deleted.
     pub fn settle(&mut self) {
         self.kept = true;
