@@ -321,7 +321,7 @@ fn run_that_fails_before_it_has_begun_replaces_no_other() {
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("good");
     let run = |more: &[&str]| {
-        let arguments = ["run", text(&scenario), "--duration", "1 s", "--out", text(&out), "--force"];
+        let arguments = ["run", text(&scenario), "--quiet", "--out", text(&out), "--force"];
         orchestrate(&[&arguments, more].concat())
     };
     let said = run(&[]);
