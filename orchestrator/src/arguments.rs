@@ -21,7 +21,7 @@ pub struct ScenarioArgs {
     /// Another program in a participant's place from the start: a file, or builtin:NAME (may be given more than once)
     #[arg(long, value_name = "PARTICIPANT=PROGRAM", value_parser = substitute)]
     pub substitute: Vec<(String, RunSpec)>,
-    /// Add a fault, such as at=12s,until=14s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg (may be given
+    /// Add a fault, such as at=12s,until=14s,input=controller.measured,field=q[3],kind=bias,value=0.2deg (may be given
     /// more than once; docs/scenarios.md has the keys)
     #[arg(long = "fault", value_name = "KEY=VALUE,…")]
     pub fault: Vec<FaultSpec>,

@@ -82,7 +82,7 @@ pub enum Command {
     Replay(ReplayArgs),
     /// Write a page with figures, summary and 3-D playback of one run or several side by side
     Report(ReportArgs),
-    /// Write the tape of a run as CSV, Parquet, MCAP or a Rerun recording
+    /// Write the tape of a run as CSV, Parquet, MAT, MCAP or a Rerun recording
     Export(ExportArgs),
     /// Look at this machine, and at what dead runs left behind
     Doctor(DoctorArgs),

@@ -320,6 +320,24 @@ fn a_finished_tape_is_asked() {
 }
 
 #[test]
+fn incomplete_record_is_named() {
+    let folder = Folder::new("measures-torn");
+    let run = folder.path().join("run");
+    let said = orchestrate(&["run", text(&springs(&folder)), "--quiet", "--out", text(&run)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    std::fs::remove_file(run.join("tape/seal.json")).unwrap();
+    let file = std::fs::OpenOptions::new()
+        .write(true)
+        .open(run.join("tape/light.motion.bin"))
+        .unwrap();
+    file.set_len(file.metadata().unwrap().len() - 3).unwrap();
+    let asked = ask(&run, &["--of", "light.motion.velocity", "--compute", "min"]);
+    assert_eq!(asked.code, Some(0), "{asked:?}");
+    let note = "note: stream `light.motion` ends in an incomplete record";
+    assert!(asked.err.contains(note), "{asked:?}");
+}
+
+#[test]
 fn measures_stand_beside_the_assessment() {
     let folder = Folder::new("measures-beside");
     let out = folder.path().join("run");

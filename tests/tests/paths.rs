@@ -314,3 +314,27 @@ fn failed_run_keeps_its_folder_with_what_its_programs_said() {
     let mode = std::fs::metadata(&died).unwrap().permissions().mode();
     assert_eq!(mode & 0o077, 0, "others have no part in it");
 }
+
+#[test]
+fn run_that_fails_before_it_has_begun_replaces_no_other() {
+    let folder = Folder::new("unbegun");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("good");
+    let run = |more: &[&str]| {
+        let arguments = ["run", text(&scenario), "--quiet", "--out", text(&out), "--force"];
+        orchestrate(&[&arguments, more].concat())
+    };
+    let said = run(&[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let read = |name: &str| std::fs::read(out.join(name)).unwrap();
+    let kept = || ["plan.toml", "run.json", "summary.json", "tape/seal.json"].map(read);
+    let before = kept();
+    let exe = format!(
+        "participants.damper.run={{ exe = \"{}\" }}",
+        participant("early_exit").display()
+    );
+    let said = run(&["--set", &exe]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert_eq!(kept(), before);
+    assert!(!out.join(".replaced").exists());
+}

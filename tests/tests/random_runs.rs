@@ -191,7 +191,7 @@ fn any_plan_gives_one_tape_however_it_is_executed() {
         for (at, in_process) in [(50, true), (250, false), (250, true)] {
             let saved = out(if in_process { "inside" } else { "outside" });
             let limit = Some(Rational::from_millis(at));
-            let checkpoint = checkpoint::Checkpoint::find(&saved.join("checkpoints"), limit).unwrap();
+            let (checkpoint, _) = checkpoint::Checkpoint::find(&saved.join("checkpoints"), limit).unwrap();
             let options = Options {
                 in_process,
                 out: Some(out(&format!("resumed-{at}-{in_process}"))),

@@ -250,6 +250,20 @@ fn what_cannot_be_resumed_is_refused() {
 }
 
 #[test]
+fn a_damaged_checkpoint_is_named_where_an_earlier_one_is_taken() {
+    let world = World::new("skipped", "damper");
+    let made = world.run("saved", &["--checkpoint-at", "3 s", "--checkpoint-at", "4 s"]);
+    assert_eq!(made.code, Some(0), "{made:?}");
+    std::fs::write(world.path("saved/checkpoints/4s.checkpoint"), "").unwrap();
+    let said = world.resume("saved", "resumed", &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    for part in ["warning: ", "4s.checkpoint", "left out", "checkpoint at t = 3"] {
+        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+    }
+    world.same_as_undisturbed("resumed");
+}
+
+#[test]
 fn who_cannot_be_saved_is_named() {
     let world = World::new("forgetful", "forgetful");
     let said = world.run("saved", &["--checkpoint-at", "4 s"]);

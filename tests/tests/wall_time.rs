@@ -257,3 +257,12 @@ fn trace_that_cannot_be_written_is_refused() {
     );
     assert!(!world.path("run").exists());
 }
+
+#[test]
+fn trace_that_is_incomplete_is_said_to_be() {
+    let world = World::new("full", "damper");
+    let said = world.run("run", &["--trace", "/dev/full"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let told = "trace: /dev/full is incomplete: No space left on device";
+    assert!(said.out.contains(told), "{said:?}");
+}

@@ -11,7 +11,7 @@ use report::page::scene_of;
 use tape::folder::RunFolder;
 use tape::{Choice, Excerpt, ReadError, Source};
 
-use super::trust::{Trust, told};
+use super::trust::{Trust, name_torn, told};
 use crate::arguments::{instant, model};
 use crate::catalogue::catalogue;
 use crate::line::Busy;
@@ -112,12 +112,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
         Ok(reader) => reader,
         Err(error) => return Ok(refused(&error)),
     };
-    for torn in reader.torn() {
-        eprintln!(
-            "note: stream `{}` ends in an incomplete record, which is left out",
-            torn.stream
-        );
-    }
+    name_torn(&reader);
     let out = args.out.clone().unwrap_or_else(|| args.run.join("export"));
     let busy = Busy::reading("exporting", &args.run);
     let chosen = match Excerpt::new(&reader, &args.choice()) {

@@ -11,7 +11,7 @@ use tape::folder::RunFolder;
 use tape::{Reader, Source};
 use toml::{Table, Value};
 
-use super::trust::{Trust, told};
+use super::trust::{Trust, name_torn, told};
 use crate::output;
 
 /// Exit code: a criterion is not met.
@@ -93,6 +93,7 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<i32> {
         .open(&args.run)
         .map_err(|error| told(&error))
         .and_then(|tape| {
+            name_torn(&tape);
             let definitions = args.definitions(&tape)?;
             of_tape(definitions, &tape).map_err(|error| error.to_string())
         });

@@ -44,13 +44,16 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
         );
         return Ok(2);
     }
-    let checkpoint = match Checkpoint::find(&folder.checkpoints(), args.from) {
-        Ok(checkpoint) => checkpoint,
+    let (checkpoint, left_out) = match Checkpoint::find(&folder.checkpoints(), args.from) {
+        Ok(found) => found,
         Err(error) => {
             eprintln!("error: {error}");
             return Ok(2);
         }
     };
+    for error in left_out {
+        eprintln!("warning: {error}; the file is left out");
+    }
     if let Err(reason) = args.how.common.spares(&args.run) {
         eprintln!("error: {reason}");
         return Ok(2);

@@ -15,7 +15,9 @@ use crate::{signals, terminal};
 use engine::Progress;
 use engine::campaign::Recalled;
 use engine::live::{self, Server, Steering};
-use engine::run::{Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, factor, run as run_scenario};
+use engine::run::{
+    Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, Traced, factor, run as run_scenario,
+};
 use engine::scenario::{Changes, Scenario};
 use engine::shadow::{Account, Shadow};
 
@@ -265,11 +267,7 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
     );
     outcome.punctuality.iter().for_each(print_pace);
     if let Some(traced) = &outcome.traced {
-        let cut = match traced.missing {
-            0 => String::new(),
-            missing => format!(", {missing} more are missing"),
-        };
-        println!("trace: {} ({} spans{cut})", traced.path.display(), traced.spans);
+        print_trace(traced);
     }
     if !outcome.partial.is_empty() {
         println!("the tape has only: {}", outcome.partial.join(", "));
@@ -279,6 +277,19 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
     }
     if let Some(folder) = &outcome.folder {
         println!("run folder: {}", folder.display());
+    }
+}
+
+/// Reports the file of a trace.
+fn print_trace(traced: &Traced) {
+    let file = traced.path.display();
+    let cut = match traced.missing {
+        0 => String::new(),
+        missing => format!(", {missing} more are missing"),
+    };
+    match &traced.error {
+        Some(reason) => println!("trace: {file} is incomplete: {reason}"),
+        None => println!("trace: {file} ({} spans{cut})", traced.spans),
     }
 }
 

@@ -31,6 +31,16 @@ impl Trust {
     }
 }
 
+/// Names the streams that end in an incomplete record, which every command leaves out.
+pub fn name_torn(tape: &Reader) {
+    for torn in tape.torn() {
+        eprintln!(
+            "note: stream `{}` ends in an incomplete record, which is left out",
+            torn.stream
+        );
+    }
+}
+
 /// The text of an error of a command that has `--unverified`.
 pub fn told(error: &ReadError) -> String {
     match error {

@@ -143,8 +143,13 @@ impl Run {
             (None, None) => Err(no_samples()),
         };
         let run = made.and_then(|(ready, making)| Run::of(scenario, options, ready, making, folder));
-        // A run that was refused leaves nothing in its folder.
-        if run.as_ref().err().is_none_or(|failure| failure.exit_code() != 2) {
+        // A run that was refused leaves nothing in its folder. One that failed before it began leaves what there is to read, unless
+        // there is a previous run to restore.
+        let stays = match &run {
+            Ok(_) => true,
+            Err(failure) => failure.exit_code() != 2 && !claim.as_ref().is_some_and(Claim::replaces),
+        };
+        if stays {
             claim.iter_mut().for_each(Claim::settle);
         }
         run

@@ -35,7 +35,7 @@ impl Slot {
         }
     }
 
-    /// The elements that `name` refers to: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the field that contains
+    /// The elements that `name` refers to: a field (`q`) or one of its elements (`q[3]`, `R[0][2]`), with the field that contains
     /// them. `None` when the payload has nothing of that name.
     pub fn named<'a>(descriptor: &'a Descriptor, name: &str) -> Option<(&'a Field, Vec<Slot>)> {
         let (field, elements) = descriptor.named(name)?;

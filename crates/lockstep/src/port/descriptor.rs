@@ -241,7 +241,7 @@ impl Descriptor {
         self.fields.iter().find(|field| field.name == name)
     }
 
-    /// Resolves `name`: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the selected elements, row-major. `None` when
+    /// Resolves `name`: a field (`q`) or one of its elements (`q[3]`, `R[0][2]`), with the selected elements, row-major. `None` when
     /// the payload has nothing of that name.
     pub fn named(&self, name: &str) -> Option<(&Field, std::ops::Range<usize>)> {
         if let Some(field) = self.field(name) {

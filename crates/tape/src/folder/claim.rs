@@ -20,12 +20,17 @@ const OWN: [&str; 9] = [
     "export",
     "report.html",
 ];
+/// The files that every run folder has from the beginning. The last of them is the last entry that is set aside and the first that comes
+/// back: where it is, there is a complete run.
+const MARKS: [&str; 2] = ["run.json", "plan.toml"];
 /// The folder that holds the previous run until the new one has begun.
 const BEFORE: &str = ".replaced";
+/// Its name while it is removed.
+const DISCARDED: &str = ".discarded";
 
 /// Whether a run creates an entry of this name in its folder. A killed program may leave a draft.
 fn is_own(name: &str) -> bool {
-    name == BEFORE || OWN.contains(&name.strip_suffix(".part").unwrap_or(name))
+    [BEFORE, DISCARDED].contains(&name) || OWN.contains(&name.strip_suffix(".part").unwrap_or(name))
 }
 
 /// The outermost ancestor of `path`, or `path` itself, that does not exist yet.
@@ -53,10 +58,11 @@ pub struct Claim {
 
 impl Claim {
     /// Creates the folder `root` with its parents, accessible only to the user, or takes an empty one unchanged. A folder that contains a
-    /// run and nothing else is taken if `replace` is set; any other is rejected.
+    /// run and nothing else is taken if `replace` is set; any other is rejected. If a program was killed after it had set a run aside and
+    /// before its own run began, the run that was set aside is restored first.
     ///
     /// # Errors
-    /// Names the obstacle; nothing has been changed then.
+    /// Names the obstacle; nothing else has been changed then.
     pub fn of(root: &Path, replace: bool) -> Result<Claim, FolderError> {
         let made = outermost_missing(root);
         private()
@@ -73,7 +79,11 @@ impl Claim {
             return Err(FolderError::NotEmpty { path: root.to_owned() });
         }
         if taken {
+            recover(root)?;
             only_a_run(root)?;
+            for left in [BEFORE, DISCARDED] {
+                remove_folder(&root.join(left))?;
+            }
         }
         Claim::furnish(root, made, taken, lock)
     }
@@ -104,11 +114,18 @@ impl Claim {
         &self.folder
     }
 
+    /// Whether a previous run is set aside for it.
+    pub fn replaces(&self) -> bool {
+        self.replaces
+    }
+
     /// The run has begun: the folder stays, and the previous content is deleted.
     pub fn settle(&mut self) {
         self.kept = true;
         if std::mem::take(&mut self.replaces) {
-            let _ = fs::remove_dir_all(self.folder.root.join(BEFORE));
+            let [before, discarded] = [BEFORE, DISCARDED].map(|name| self.folder.root.join(name));
+            // A run in `.replaced` is restored later if this program is killed now: the name changes before anything is removed.
+            let _ = fs::rename(&before, &discarded).and_then(|()| fs::remove_dir_all(&discarded));
         }
     }
 
@@ -121,16 +138,10 @@ impl Claim {
     fn set_aside(&self) -> Result<(), FolderError> {
         let root = &self.folder.root;
         let before = root.join(BEFORE);
-        match fs::remove_dir_all(&before) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                return Err(io_error(&before, "remove the folder")(error));
-            }
-            _ => {}
-        }
         private()
             .create(&before)
             .map_err(io_error(&before, "create the folder"))?;
-        for name in own_entries(root)? {
+        for name in in_order(own_entries(root)?) {
             let path = root.join(&name);
             fs::rename(&path, before.join(&name)).map_err(io_error(&path, "set the file aside"))?;
         }
@@ -139,21 +150,10 @@ impl Claim {
 
     fn give_back(&self) -> Result<(), FolderError> {
         let root = &self.folder.root;
-        for name in own_entries(root)? {
-            let path = root.join(&name);
-            let removed = if fs::symlink_metadata(&path).is_ok_and(|about| about.is_dir()) {
-                fs::remove_dir_all(&path)
-            } else {
-                fs::remove_file(&path)
-            };
-            removed.map_err(io_error(&path, "remove it"))?;
-        }
         if self.replaces {
-            let before = root.join(BEFORE);
-            for name in own_entries(&before)? {
-                fs::rename(before.join(&name), root.join(&name)).map_err(io_error(&before, "bring it back"))?;
-            }
-            fs::remove_dir(&before).map_err(io_error(&before, "remove the folder"))?;
+            bring_back(root)?;
+        } else {
+            remove_own(root)?;
         }
         // Folders that were created for it, from the innermost outwards; one that another run has used in the meantime stays.
         if let Some(made) = &self.made {
@@ -187,11 +187,78 @@ fn locked(root: &Path) -> Result<File, FolderError> {
     }
 }
 
-/// The names of the entries in `folder` that a run has created, apart from the previous run that is set aside.
+/// The names of the entries in `folder` that a run has created, apart from a previous run.
 fn own_entries(folder: &Path) -> Result<Vec<String>, FolderError> {
     let entries = fs::read_dir(folder).map_err(io_error(folder, "list the folder"))?;
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-    Ok(names.filter(|name| is_own(name) && name != BEFORE).collect())
+    let own = |name: &String| is_own(name) && ![BEFORE, DISCARDED].contains(&name.as_str());
+    Ok(names.filter(own).collect())
+}
+
+/// The order in which the entries `names` of a run are set aside.
+fn in_order(mut names: Vec<String>) -> Vec<String> {
+    names.sort_by_key(|name| MARKS.iter().position(|mark| mark == name));
+    names
+}
+
+/// The first file that `folder` lacks to be the folder of a run.
+fn missing_mark(folder: &Path) -> Option<&'static str> {
+    let file = |name: &str| fs::symlink_metadata(folder.join(name)).is_ok_and(|about| about.is_file());
+    MARKS.into_iter().rev().find(|name| !file(name))
+}
+
+fn remove_own(root: &Path) -> Result<(), FolderError> {
+    for name in own_entries(root)? {
+        let path = root.join(&name);
+        let removed = if fs::symlink_metadata(&path).is_ok_and(|about| about.is_dir()) {
+            fs::remove_dir_all(&path)
+        } else {
+            fs::remove_file(&path)
+        };
+        removed.map_err(io_error(&path, "remove it"))?;
+    }
+    Ok(())
+}
+
+/// Removes the folder `path` if it exists.
+fn remove_folder(path: &Path) -> Result<(), FolderError> {
+    match fs::remove_dir_all(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(io_error(path, "remove the folder")(error)),
+        _ => Ok(()),
+    }
+}
+
+/// Restores the run that is set aside in `root`, completely or in part. Only if it is complete does everything else in `root` belong to the
+/// run that was to replace it, and is removed.
+fn bring_back(root: &Path) -> Result<(), FolderError> {
+    let before = root.join(BEFORE);
+    if fs::symlink_metadata(&before).is_err() {
+        return Ok(());
+    }
+    if missing_mark(&before).is_none() {
+        remove_own(root)?;
+    }
+    for name in in_order(own_entries(&before)?).iter().rev() {
+        fs::rename(before.join(name), root.join(name)).map_err(io_error(&before, "bring it back"))?;
+    }
+    fs::remove_dir(&before).map_err(io_error(&before, "remove the folder"))
+}
+
+/// Restores the run that a killed program has left set aside in `root`, unless that run has been replaced.
+fn recover(root: &Path) -> Result<(), FolderError> {
+    let before = root.join(BEFORE);
+    if fs::symlink_metadata(&before).is_err() {
+        return Ok(());
+    }
+    let folder = RunFolder::open(root);
+    let replaced = if missing_mark(&before).is_none() {
+        // A run that has ended had begun.
+        folder.summary().exists() || folder.tape().join("seal.json").exists()
+    } else {
+        // The parts of one run have different names.
+        own_entries(&before)?.iter().any(|name| root.join(name).exists())
+    };
+    if replaced { Ok(()) } else { bring_back(root) }
 }
 
 /// Rejects a folder that is not a run folder, or contains an entry that no run has created.
@@ -200,8 +267,7 @@ fn only_a_run(root: &Path) -> Result<(), FolderError> {
         path: root.to_owned(),
         reason,
     };
-    let file = |name: &str| fs::symlink_metadata(root.join(name)).is_ok_and(|about| about.is_file());
-    if let Some(missing) = ["plan.toml", "run.json"].into_iter().find(|name| !file(name)) {
+    if let Some(missing) = missing_mark(root) {
         return Err(refuse(format!(
             "it is not the folder of a run, which has a file `{missing}`"
         )));
@@ -303,6 +369,71 @@ mod tests {
         claim.keep();
         assert_eq!(fs::read_to_string(root.join("plan.toml")).unwrap(), "new");
         assert_eq!(names(&root), ["log", "plan.toml"]);
+    }
+
+    /// The content of the plan and the tape in `root`.
+    fn contents(root: &Path) -> [String; 2] {
+        ["plan.toml", "tape/index.json"].map(|name| fs::read_to_string(root.join(name)).unwrap())
+    }
+
+    #[test]
+    fn run_that_a_killed_program_has_set_aside_comes_back() {
+        let root = crate::scratch_for_tests("killed");
+        let before = root.join(BEFORE);
+        let back = || {
+            drop(Claim::of(&root, true).unwrap());
+            assert_eq!(contents(&root), ["old", "old"]);
+            assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
+        };
+        run(&root, "old");
+        // Killed while the folder was made, and just before the run began.
+        for count in 0..=3 {
+            let mut claim = Claim::of(&root, true).unwrap();
+            claim.kept = true;
+            let folder = claim.folder().clone();
+            drop(claim);
+            if count > 0 {
+                folder.write(&folder.plan(), "new").unwrap();
+            }
+            if count > 1 {
+                folder.write(&folder.run(), "{}").unwrap();
+            }
+            if count > 2 {
+                fs::create_dir(folder.tape()).unwrap();
+                fs::write(folder.tape().join("index.json"), "new").unwrap();
+            }
+            back();
+        }
+        // Killed while the run was set aside, or brought back.
+        for moved in 0..=3 {
+            fs::create_dir(&before).unwrap();
+            for name in &in_order(own_entries(&root).unwrap())[..moved] {
+                fs::rename(root.join(name), before.join(name)).unwrap();
+            }
+            back();
+        }
+    }
+
+    #[test]
+    fn run_that_has_been_replaced_never_comes_back() {
+        let root = crate::scratch_for_tests("discarded");
+        run(&root, "new");
+        // Killed while the previous run was removed.
+        for name in [BEFORE, DISCARDED] {
+            fs::create_dir(root.join(name)).unwrap();
+            fs::write(root.join(name).join("run.json"), "{}").unwrap();
+            drop(Claim::of(&root, true).unwrap());
+            assert_eq!(contents(&root), ["new", "new"]);
+            assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
+        }
+        // A previous run that could not be removed.
+        fs::create_dir(root.join(BEFORE)).unwrap();
+        for name in MARKS {
+            fs::write(root.join(BEFORE).join(name), "old").unwrap();
+        }
+        fs::write(root.join("summary.json"), "{}").unwrap();
+        drop(Claim::of(&root, true).unwrap());
+        assert_eq!(contents(&root), ["new", "new"]);
     }
 
     #[test]

@@ -37,7 +37,7 @@ struct Element {
 }
 
 impl Element {
-    /// `q_m[3] = 0.25 rad`, `mode = fault`
+    /// `q[3] = 0.25 rad`, `mode = fault`
     fn words(&self, payload: &[u8]) -> String {
         let at = (self.slot.offset - self.field.offset) as usize / self.slot.element.size();
         format!("{} = {}{}", self.name, self.field.shown(payload, at), self.unit)

@@ -69,7 +69,7 @@ pub enum CheckpointError {
         path: PathBuf,
     },
     /// Bytes were changed or are missing in the file.
-    #[error("{}: the checkpoint is damaged ({reason}); take an earlier one with --from", path.display())]
+    #[error("{}: the checkpoint is damaged ({reason}); take the file from another copy", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -190,11 +190,11 @@ impl Checkpoint {
         Ok(path)
     }
 
-    /// The newest checkpoint in `folder` at or before `limit`.
+    /// The newest checkpoint in `folder` at or before `limit`, and why other files in it cannot be read: any of them may be a newer one.
     ///
     /// # Errors
-    /// When there is none, or when the suitable one is damaged.
-    pub fn find(folder: &Path, limit: Option<Rational>) -> Result<Checkpoint, CheckpointError> {
+    /// When there is none, or when the only ones that may be suitable cannot be read.
+    pub fn find(folder: &Path, limit: Option<Rational>) -> Result<(Checkpoint, Vec<CheckpointError>), CheckpointError> {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         let paths = entries.map(|entry| entry.path());
         let mut all = Vec::new();
@@ -205,20 +205,24 @@ impl Checkpoint {
             })?;
             all.push((path, bytes));
         }
-        // The time of a damaged file is unknown; it matters only when no other file is suitable.
-        let (mut good, mut bad) = (Vec::new(), None);
+        all.sort();
+        // The time of a damaged file is unknown.
+        let (mut good, mut bad) = (Vec::new(), Vec::new());
         for (path, bytes) in &all {
             match Checkpoint::decode(path, bytes) {
                 Ok(checkpoint) => good.push(checkpoint),
-                Err(error) => bad = Some(error),
+                Err(error) => bad.push(error),
             }
         }
         good.sort_by_key(|checkpoint| checkpoint.time);
         let times: Vec<String> = good.iter().map(|one| one.time.to_string()).collect();
         let fits = |one: &Checkpoint| limit.is_none_or(|limit| one.time <= limit);
-        match (good.into_iter().rev().find(fits), bad) {
-            (Some(checkpoint), _) => Ok(checkpoint),
-            (None, Some(bad)) => Err(bad),
+        match (good.into_iter().rev().find(fits), bad.pop()) {
+            (Some(checkpoint), last) => {
+                bad.extend(last);
+                Ok((checkpoint, bad))
+            }
+            (None, Some(last)) => Err(last),
             (None, None) => Err(CheckpointError::None {
                 folder: folder.to_owned(),
                 at: limit.map(|limit| format!(" at or before {limit}")).unwrap_or_default(),
@@ -273,6 +277,36 @@ mod tests {
             let bytes = checkpoint.encode().unwrap();
             assert_eq!(Checkpoint::decode(Path::new("x"), &bytes).unwrap(), checkpoint);
         }
+    }
+
+    #[test]
+    fn files_that_cannot_be_read_are_returned_with_the_newest_checkpoint() {
+        let folder = std::env::temp_dir().join(format!("escapement-checkpoints-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        let of = |millis: i64| Checkpoint {
+            time: Rational::from_millis(millis),
+            ..checkpoint()
+        };
+        let newest = of(3_000).write(&folder).unwrap();
+        let middle = of(2_000).write(&folder).unwrap();
+        of(1_000).write(&folder).unwrap();
+        let found = |limit: Option<i64>| Checkpoint::find(&folder, limit.map(Rational::from_millis));
+        let (checkpoint, bad) = found(None).unwrap();
+        assert_eq!((checkpoint, bad.len()), (of(3_000), 0));
+        fs::write(&newest, "nothing of the kind").unwrap();
+        fs::write(&middle, &of(2_000).encode().unwrap()[..60]).unwrap();
+        let (checkpoint, bad) = found(None).unwrap();
+        assert_eq!(checkpoint, of(1_000));
+        let told: Vec<String> = bad.iter().map(ToString::to_string).collect();
+        let parts = [(&middle, "damaged"), (&newest, "not a checkpoint")];
+        assert_eq!(told.len(), parts.len());
+        for (words, (path, part)) in told.iter().zip(parts) {
+            let path = path.display().to_string();
+            assert!(words.contains(&path) && words.contains(part), "{words}");
+        }
+        let error = found(Some(500)).unwrap_err().to_string();
+        assert!(error.contains(&newest.display().to_string()), "{error}");
+        fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

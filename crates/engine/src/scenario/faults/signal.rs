@@ -249,7 +249,7 @@ impl Signal {
         })
     }
 
-    /// `controller.measured q_m[3]: bias 0.2 deg`
+    /// `controller.measured q[3]: bias 0.2 deg`
     fn words(&self) -> String {
         let mut words = format!("{}.{}", self.port.0, self.port.1);
         if let Some(field) = &self.field {

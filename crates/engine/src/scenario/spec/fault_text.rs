@@ -1,4 +1,4 @@
-//! A fault on the command line: `at=12s,until=14s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg`.
+//! A fault on the command line: `at=12s,until=14s,input=controller.measured,field=q[3],kind=bias,value=0.2deg`.
 
 use std::str::FromStr;
 
@@ -13,7 +13,7 @@ pub(super) fn table(text: &str) -> Result<Table, String> {
     for part in parts(text) {
         let Some((key, value)) = part.split_once('=') else {
             return Err(format!(
-                "`{}` is not KEY=VALUE; write for example at=12s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg",
+                "`{}` is not KEY=VALUE; write for example at=12s,input=controller.measured,field=q[3],kind=bias,value=0.2deg",
                 part.trim()
             ));
         };
@@ -84,10 +84,10 @@ mod tests {
 
     #[test]
     fn commas_inside_values_are_left_alone() {
-        let text = "at=12s, field=q_m[3],value=[1, 2] deg,run={ exe = \"./a,b\", args = ['c,d'] },drop=0.3";
+        let text = "at=12s, field=q[3],value=[1, 2] deg,run={ exe = \"./a,b\", args = ['c,d'] },drop=0.3";
         let entry = table(text).unwrap();
         assert_eq!(entry["at"], Value::String("12s".into()));
-        assert_eq!(entry["field"], Value::String("q_m[3]".into()));
+        assert_eq!(entry["field"], Value::String("q[3]".into()));
         assert_eq!(entry["value"], Value::String("[1, 2] deg".into()));
         assert_eq!(entry["run"]["exe"], Value::String("./a,b".into()));
         assert_eq!(entry["run"]["args"][0], Value::String("c,d".into()));
