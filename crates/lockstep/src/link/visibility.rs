@@ -355,8 +355,8 @@ mod tests {
                 let before = (7 * t - 3) / 21;
                 for after in before + 1..before + 4 {
                     let nearest = (7 * t - 3 - 21 * before) as f64 / (21 * (after - before)) as f64;
-                    let weights = [(&coarse, t), (&fine, 7 * t)]
-                        .map(|(rule, t)| rule.weight(t, before as u64, after as u64).to_bits());
+                    let bits = |rule: &Visibility, t| rule.weight(t, before as u64, after as u64).to_bits();
+                    let weights = [bits(&coarse, t), bits(&fine, 7 * t)];
                     assert_eq!(weights, [nearest.to_bits(); 2], "instant {t}, samples {before} and {after}");
                 }
             }
