@@ -172,13 +172,33 @@ impl Measure {
         }
     }
 
+    /// The stamp and the signals of the pair that is left when both streams have ended.
+    fn last(&self) -> Option<(f64, Vec<f64>)> {
+        let (stamp_s, of, other) = self.pairing.as_ref()?.last(self.come.checked_sub(1)?)?;
+        let Definition { minus, through, .. } = &self.definition;
+        let minus = minus.as_ref().map(|(_, factor)| (&other[..], *factor));
+        let mut signals = Vec::new();
+        evaluate(*through, &of, minus, &mut signals);
+        Some((stamp_s, signals))
+    }
+
     /// The figure of the samples so far.
     pub(super) fn finish(&self) -> Measured {
         let scaled = |found: Found| Found {
             value: found.value * self.definition.factor,
             ..found
         };
-        let found: Vec<_> = self.folds.iter().map(|fold| fold.finish().map(scaled)).collect();
+        let last = self.last();
+        let folds = self.folds.iter().enumerate();
+        let found = folds.map(|(number, fold)| match &last {
+            Some((stamp_s, signals)) => {
+                let mut fold = fold.clone();
+                fold.push(*stamp_s, signals[number]);
+                fold.finish().map(scaled)
+            }
+            None => fold.finish().map(scaled),
+        });
+        let found: Vec<_> = found.collect();
         let reason = found.iter().find_map(|one| one.as_ref().err()).map(ToString::to_string);
         let values = found.iter().map(|one| one.as_ref().ok().map(|found| found.value));
         let instants = found.iter().map(|one| one.as_ref().ok().and_then(|found| found.t_s));

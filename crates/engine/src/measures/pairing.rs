@@ -2,15 +2,15 @@
 
 use std::collections::VecDeque;
 
-use lockstep::time::SampleTime;
+use lockstep::time::{SampleTime, Ticks};
 use serde::{Deserialize, Serialize};
 
 use super::window::Window;
 
 /// Pairs the samples of two streams, in any order of arrival: each sample of the first is paired with the newest sample of
 /// the second stamped at or before it, the one that an input without delay would read. Samples that arrive early are
-/// buffered: as many as one participant runs ahead of the other, and no sample of the second that belongs to none of the
-/// first.
+/// buffered: as many as one participant runs ahead of the other, and of the second, apart from its newest sample, none that
+/// belongs to none of the first.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Pairing {
     first: SampleTime,
@@ -56,15 +56,25 @@ impl Pairing {
 
     /// Adds the next sample of the second.
     pub(super) fn second(&mut self, values: impl FnOnce(&mut VecDeque<f64>)) {
+        if let Some(newest) = self.held.back().copied()
+            && newest + 1 == self.come
+            && self.reader(newest).is_none_or(|reader| reader >= self.second.instant(self.come))
+        {
+            self.held.pop_back();
+            self.held_values.truncate(self.held_values.len() - self.width);
+        }
         let index = self.come;
         self.come += 1;
-        // Is there an instant of the first, within the window, before the next sample of the second?
-        let (now, next) = (self.second.instant(index), self.second.instant(index + 1));
-        let reader = self.window.from(self.first.count_before(now));
-        if self.window.contains(reader) && self.first.instant(reader) < next {
+        if self.reader(index).is_some() {
             self.held.push_back(index);
             values(&mut self.held_values);
         }
+    }
+
+    /// The next instant of the first, within the window, at or after sample number `index` of the second.
+    fn reader(&self, index: u64) -> Option<Ticks> {
+        let reader = self.window.from(self.first.count_before(self.second.instant(index)));
+        self.window.contains(reader).then(|| self.first.instant(reader))
     }
 
     /// Writes the next pair to `first` and `second`, if there is one; returns the stamp of the first, s.
@@ -83,5 +93,88 @@ impl Pairing {
         second.clear();
         second.extend(self.held_values.iter().take(self.width));
         Some(stamp_s)
+    }
+
+    /// The pair that is left at the end of both streams, where sample number `index` of the first is the newest: the stamp, s,
+    /// and the values of both. The last sample of a continuous participant is stamped at or after the end of the run. By then
+    /// the second may have ended, and its newest sample is the partner. No other instant of a complete run waits at its end;
+    /// those of a run that was cut short stay without a partner.
+    pub(super) fn last(&self, index: u64) -> Option<(f64, Vec<f64>, Vec<f64>)> {
+        let before = self.first.instant(index.checked_sub(1)?);
+        let ended = self.waiting.len() == 1 && self.window.contains(index) && before < self.second.instant(self.come);
+        if !ended || self.held.back()? + 1 != self.come {
+            return None;
+        }
+        let &(stamp_s, _) = self.waiting.front()?;
+        let newest = self.held_values.len() - self.width;
+        Some((
+            stamp_s,
+            self.waiting_values.iter().copied().collect(),
+            self.held_values.range(newest..).copied().collect(),
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::window::{sample_time, timebase};
+    use super::*;
+    use lockstep::time::Rational;
+
+    /// The pairs of streams whose samples are their stamps in ms, with these periods in ms and these numbers of samples.
+    fn pairs(periods: [i64; 2], counts: [u64; 2], second_leads: bool) -> Vec<(f64, f64)> {
+        let base = timebase([Rational::from_millis(1)]).unwrap();
+        let [first, second] =
+            periods.map(|period| sample_time(&base, Rational::ZERO, Rational::from_millis(period)).unwrap());
+        let window = Window::between(&base, first, None, None).unwrap();
+        let mut pairing = Pairing::new(first, second, window, 1);
+        let (mut found, mut of, mut minus) = (Vec::new(), Vec::new(), Vec::new());
+        for of_second in [second_leads, !second_leads] {
+            for index in 0..counts[usize::from(of_second)] {
+                if of_second {
+                    pairing.second(|values| values.push_back(second.instant(index) as f64));
+                } else {
+                    let stamp = first.instant(index) as f64;
+                    pairing.first(index, stamp / 1e3, |values| values.push_back(stamp));
+                }
+                while pairing.next(&mut of, &mut minus).is_some() {
+                    found.push((of[0], minus[0]));
+                }
+            }
+        }
+        let last = pairing.last(counts[0] - 1);
+        found.extend(last.map(|(_, of, minus)| (of[0], minus[0])));
+        found
+    }
+
+    #[test]
+    fn every_instant_of_a_complete_run_has_the_newest_sample_of_the_second() {
+        // Over 1 s the sampled streams of 7 ms and 1 ms have 143 and 1000 samples, the continuous ones have one more.
+        for (periods, counts) in [
+            ([7, 1], [144, 1000]),
+            ([7, 1], [144, 1001]),
+            ([7, 1], [143, 1000]),
+            ([1, 7], [1001, 143]),
+            ([1, 7], [1001, 144]),
+        ] {
+            let expected: Vec<(f64, f64)> = (0..counts[0] as i64)
+                .map(|k| {
+                    let stamp = k * periods[0];
+                    let partner = (stamp / periods[1]).min(counts[1] as i64 - 1);
+                    (stamp as f64, (partner * periods[1]) as f64)
+                })
+                .collect();
+            for second_leads in [false, true] {
+                assert_eq!(pairs(periods, counts, second_leads), expected, "{periods:?} {counts:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn instants_beyond_a_stream_that_was_cut_short_have_no_partner() {
+        for second_leads in [false, true] {
+            let found = pairs([7, 1], [144, 900], second_leads);
+            assert_eq!(found.last(), Some(&(896.0, 896.0)));
+        }
     }
 }

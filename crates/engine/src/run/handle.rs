@@ -94,7 +94,6 @@ impl Run {
 
     /// Everything before the first step. `asked` says whether a program may ask for the samples of any stream.
     pub(crate) fn begin(scenario: Arc<Scenario>, options: Options, asked: bool) -> Result<Run, RunFailure> {
-        instants::check(scenario.duration, &options)?;
         options.check_record()?;
         // Everything that can be refused is refused before anything is started or written.
         let made = if options.in_process {
@@ -103,6 +102,7 @@ impl Run {
             scenario.make()?
         };
         let (known, made) = prepare::checked(&scenario, made)?;
+        instants::check(scenario.duration, known.plan.end, &known.plan.timebase, &options)?;
         let entries = prepare::entries(&scenario, &options)?;
         let participants = if options.in_process {
             Some(in_loop::executor::in_slots(&scenario, &options, &entries, made)?)

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::fault::LinkFault;
 use crate::random::Stream;
-use crate::time::{Rational, SampleTime, TickError, Ticks, Timebase};
+use crate::time::{Rational, SampleTime, TickError, Ticks, Timebase, gcd, nearest_double};
 
 /// What an input sees where the newest sample was dropped.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -179,7 +179,7 @@ impl Visibility {
         let mut times = times.chain(faults.iter().map(|fault| fault.extra_delay));
         let common = times.clone().try_fold(1_i128, |common, time| {
             let own = i128::from(time.denominator());
-            (common / crate::time::gcd(common, own)).checked_mul(own)
+            (common / gcd(common, own)).checked_mul(own)
         })?;
         let tick = timebase.tick();
         let scaled = |time: Rational| {
@@ -198,7 +198,7 @@ impl Visibility {
             largest = largest.checked_add(extra)?;
             all.push(extra);
         }
-        let shared = all.iter().fold(0, |shared, &one| crate::time::gcd(shared, one)).max(1);
+        let shared = all.iter().fold(0, |shared, &one| gcd(shared, one)).max(1);
         all.iter_mut().for_each(|one| *one /= shared);
         (largest / scale < 1 << 62).then_some(all)
     }
@@ -234,12 +234,23 @@ impl Visibility {
         (self.producer.instant(next).saturating_add(late) <= t).then_some(next)
     }
 
-    /// The interpolation weight: the position of the instant `t` minus the delay between sample `before` (0) and sample `after` (1).
+    /// The interpolation weight: the position of the instant `t` minus the delay between sample `before` (0) and sample `after` (1). It
+    /// is the double nearest to the exact fraction, so it does not depend on the length of the tick.
     pub fn weight(&self, t: Ticks, before: u64, after: u64) -> f64 {
         let (from, to) = (self.producer.instant(before), self.producer.instant(after));
-        let whole = i128::from(t) - i128::from(from) - self.base / self.scale;
-        let part = (self.base % self.scale) as f64 / self.scale as f64;
-        (whole as f64 - part) / (to - from) as f64
+        let (since, between) = (i128::from(t) - i128::from(from), i128::from(to) - i128::from(from));
+        // The delay is shift / parts ticks, in lowest terms.
+        let shared = gcd(self.base, self.scale);
+        let (shift, parts) = (self.base / shared, self.scale / shared);
+        let exact = || {
+            let position = since.checked_mul(parts)?.checked_sub(shift)?;
+            Some(nearest_double(position, between.checked_mul(parts)?))
+        };
+        // More than 127 bits take a delay with a denominator of more than 64 bits against the tick.
+        exact().unwrap_or_else(|| {
+            let whole = since - shift / parts;
+            (whole as f64 - (shift % parts) as f64 / parts as f64) / between as f64
+        })
     }
 
     /// What faults add to the delay of sample `k`, in the unit of `base`.
@@ -311,5 +322,44 @@ impl Visibility {
     /// The instant from which sample `k` can be seen, if it ever can, ticks.
     pub fn visible_from(&self, k: u64) -> Option<Ticks> {
         (!self.dropped(k)).then(|| self.producer.instant(k).saturating_add(self.delay(k)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weight_does_not_depend_on_the_tick() {
+        let fraction = |denominator: i128| Rational::new(1, denominator).unwrap();
+        let coarse = Timebase::measuring([fraction(300)]).unwrap();
+        let fine = Timebase::measuring([fraction(300), fraction(700)]).unwrap();
+        assert_eq!(fine.tick(), fraction(2100));
+        for jitter in [Rational::ZERO, fraction(1100)] {
+            let timing = Timing {
+                delay: fraction(700),
+                jitter,
+                hold: Hold::Linear,
+                ..Timing::default()
+            };
+            let rule = |timebase: &Timebase| {
+                let producer = SampleTime {
+                    offset: 0,
+                    period: timebase.ceil(fraction(100)).unwrap(),
+                };
+                Visibility::new(&timing, &[], producer, timebase, 1, "x").unwrap()
+            };
+            let (coarse, fine) = (rule(&coarse), rule(&fine));
+            for t in 1..3000 {
+                // The delay is 3 of the fine ticks, of which the coarse one has 7.
+                let before = (7 * t - 3) / 21;
+                for after in before + 1..before + 4 {
+                    let nearest = (7 * t - 3 - 21 * before) as f64 / (21 * (after - before)) as f64;
+                    let bits = |rule: &Visibility, t| rule.weight(t, before as u64, after as u64).to_bits();
+                    let weights = [bits(&coarse, t), bits(&fine, 7 * t)];
+                    assert_eq!(weights, [nearest.to_bits(); 2], "instant {t}, samples {before} and {after}");
+                }
+            }
+        }
     }
 }

@@ -1,16 +1,26 @@
 //! Checks of the instants on the command line against the length of the run.
 
-use lockstep::time::Rational;
+use lockstep::time::{Rational, Ticks, Timebase};
 
 use super::schedule::CHECKPOINTS_MAX;
 use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
 
-/// Refuses instants at which a run of `duration` does not come to rest, before anything is started.
-pub(crate) fn check(duration: Rational, options: &Options) -> Result<(), RunFailure> {
+/// Refuses instants at which a run of `duration`, which ends at tick `end`, does not come to rest, before anything is
+/// started.
+pub(crate) fn check(duration: Rational, end: Ticks, timebase: &Timebase, options: &Options) -> Result<(), RunFailure> {
     let refuse = |option: &'static str, time: Rational, reason: String| {
         let value = time.to_string();
         Err(RunFailure::Option { option, value, reason })
+    };
+    // A run comes to rest at a whole tick: at the first one at or after an instant.
+    let too_late = |time: Rational| time >= duration || timebase.ceil(time).is_ok_and(|ticks| ticks >= end);
+    let end_told = |time: Rational| {
+        if time >= duration {
+            format!("the end at {duration}")
+        } else {
+            format!("the end at {duration} in ticks of {}", timebase.tick())
+        }
     };
     let begin = options.origin.as_ref().map(|origin| origin.checkpoint.time);
     let instants = [
@@ -22,9 +32,9 @@ pub(crate) fn check(duration: Rational, options: &Options) -> Result<(), RunFail
             if time.is_negative() {
                 return refuse(option, time, "lies before the start: give 0 s or more".into());
             }
-            if time >= duration {
-                let reason =
-                    format!("is not before the end at {duration}: give an earlier time, or a longer --duration");
+            if too_late(time) {
+                let end = end_told(time);
+                let reason = format!("is not before {end}: give an earlier time, or a longer --duration");
                 return refuse(option, time, reason);
             }
             if let Some(begin) = begin.filter(|begin| time < *begin) {
@@ -40,8 +50,8 @@ pub(crate) fn check(duration: Rational, options: &Options) -> Result<(), RunFail
     if !every.is_positive() {
         return refuse(option, every, "is not above zero: give a time such as 5s".into());
     }
-    if every >= duration {
-        let reason = format!("makes no checkpoint before the end at {duration}: give less");
+    if too_late(every) {
+        let reason = format!("makes no checkpoint before {}: give less", end_told(every));
         return refuse(option, every, reason);
     }
     // If the product overflows, it is longer than every run.
@@ -62,7 +72,8 @@ mod tests {
     fn refusal(change: impl FnOnce(&mut Options)) -> Option<String> {
         let mut options = Options::default();
         change(&mut options);
-        let checked = check("10 s".parse().unwrap(), &options);
+        let timebase = Timebase::measuring([time("1 ms")]).unwrap();
+        let checked = check(time("10 s"), 10_000, &timebase, &options);
         checked.err().map(|failure| {
             assert_eq!(failure.exit_code(), 2);
             failure.to_string()
@@ -85,6 +96,7 @@ mod tests {
         for (text, part) in [
             ("-1 ns", "before the start"),
             ("10 s", "the end at 10 s"),
+            ("9.9991 s", "the end at 10 s in ticks of 1 ms"),
             ("1e9 h", "the end"),
         ] {
             for (option, refused) in [
@@ -115,6 +127,7 @@ mod tests {
             ("0 s", "above zero"),
             ("-1 s", "above zero"),
             ("10 s", "no checkpoint"),
+            ("9.9991 s", "no checkpoint before the end at 10 s in ticks of 1 ms"),
             ("2 h", "no checkpoint"),
             ("999 us", "more than 10000"),
             ("1 ns", "more than 10000"),
