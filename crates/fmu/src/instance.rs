@@ -332,6 +332,7 @@ mod tests {
                 _scratch: Scratch::create().unwrap(),
                 stepping: true,
                 fatal: false,
+                unsaved: Cell::new(Status::Ok),
             };
             running.step(0.5, 0.25).map_err(|failure| format!("{failure:?}"))
         };

@@ -58,7 +58,9 @@ impl Pairing {
     pub(super) fn second(&mut self, values: impl FnOnce(&mut VecDeque<f64>)) {
         if let Some(newest) = self.held.back().copied()
             && newest + 1 == self.come
-            && self.reader(newest).is_none_or(|reader| reader >= self.second.instant(self.come))
+            && self
+                .reader(newest)
+                .is_none_or(|reader| reader >= self.second.instant(self.come))
         {
             self.held.pop_back();
             self.held_values.truncate(self.held_values.len() - self.width);

@@ -3,6 +3,6 @@
 mod rational;
 mod sample_time;
 
-pub(crate) use rational::{gcd, nearest_double};
 pub use rational::{Rational, TimeError};
+pub(crate) use rational::{gcd, nearest_double};
 pub use sample_time::{SampleTime, TickError, Ticks, Timebase};
