@@ -357,7 +357,11 @@ mod tests {
                     let nearest = (7 * t - 3 - 21 * before) as f64 / (21 * (after - before)) as f64;
                     let bits = |rule: &Visibility, t| rule.weight(t, before as u64, after as u64).to_bits();
                     let weights = [bits(&coarse, t), bits(&fine, 7 * t)];
-                    assert_eq!(weights, [nearest.to_bits(); 2], "instant {t}, samples {before} and {after}");
+                    assert_eq!(
+                        weights,
+                        [nearest.to_bits(); 2],
+                        "instant {t}, samples {before} and {after}"
+                    );
                 }
             }
         }
