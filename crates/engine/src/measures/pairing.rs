@@ -82,7 +82,10 @@ impl Pairing {
     /// Writes the next pair to `first` and `second`, if there is one; returns the stamp of the first, s.
     pub(super) fn next(&mut self, first: &mut Vec<f64>, second: &mut Vec<f64>) -> Option<f64> {
         let &(stamp_s, partner) = self.waiting.front()?;
-        while self.held.front().is_some_and(|index| *index < partner) {
+        // The newest sample may be the partner at the end.
+        let come = self.come;
+        let over = |index: &u64| *index < partner && *index + 1 < come;
+        while self.held.front().is_some_and(over) {
             self.held.pop_front();
             self.held_values.drain(..self.width);
         }
@@ -99,8 +102,9 @@ impl Pairing {
 
     /// The pair that is left at the end of both streams, where sample number `index` of the first is the newest: the stamp, s,
     /// and the values of both. The last sample of a continuous participant is stamped at or after the end of the run. By then
-    /// the second may have ended, and its newest sample is the partner. No other instant of a complete run waits at its end;
-    /// those of a run that was cut short stay without a partner.
+    /// the second may have ended, and its newest sample is the partner. No other instant of a complete run waits at its end.
+    /// Where a run was cut short, instants stay without a partner, except the newest one if the second has come beyond the
+    /// instant before it.
     pub(super) fn last(&self, index: u64) -> Option<(f64, Vec<f64>, Vec<f64>)> {
         let before = self.first.instant(index.checked_sub(1)?);
         let ended = self.waiting.len() == 1 && self.window.contains(index) && before < self.second.instant(self.come);
@@ -152,13 +156,14 @@ mod tests {
     #[test]
     fn every_instant_of_a_complete_run_has_the_newest_sample_of_the_second() {
         // Over 1 s the sampled streams of 7 ms and 1 ms have 143 and 1000 samples, the continuous ones have one more.
-        for (periods, counts) in [
+        let cases: [([i64; 2], [u64; 2]); 5] = [
             ([7, 1], [144, 1000]),
             ([7, 1], [144, 1001]),
             ([7, 1], [143, 1000]),
             ([1, 7], [1001, 143]),
             ([1, 7], [1001, 144]),
-        ] {
+        ];
+        for (periods, counts) in cases {
             let expected: Vec<(f64, f64)> = (0..counts[0] as i64)
                 .map(|k| {
                     let stamp = k * periods[0];
