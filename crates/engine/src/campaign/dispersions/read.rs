@@ -56,12 +56,8 @@ const COLUMNS: [&str; 9] = [
 /// Maximum number of values on one axis of a grid.
 const LEVELS_MAX: usize = 10_000;
 
-/// Reads `[vary.NAME]`.
-///
-/// # Errors
-/// All mistakes in it, by key; the empty key is the whole table.
-pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Dispersion, Vec<(String, String)>> {
-    let mut keys = Keys::new(table);
+/// Checks the name of a dispersion, which is also that of its columns.
+fn name_itself(name: &str, keys: &mut Keys<'_>) {
     if !name.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-') {
         keys.refuse(
             "",
@@ -75,6 +71,15 @@ pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Di
             format!("the name `{name}` is not possible: the table has columns {taken}; choose another"),
         );
     }
+}
+
+/// Reads `[vary.NAME]`.
+///
+/// # Errors
+/// All mistakes in it, by key; the empty key is the whole table.
+pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Dispersion, Vec<(String, String)>> {
+    let mut keys = Keys::new(table);
+    name_itself(name, &mut keys);
     let targets = targets(&mut keys);
     let owns: Vec<Option<Quantity>> = targets
         .iter()
