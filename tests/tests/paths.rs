@@ -7,10 +7,12 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use escapement_tests::machine::{signal, wait_for_bytes};
 use escapement_tests::program::{
-    Folder, Said, built_as_shipped, copy_program, finish, orchestrate, orchestrator, participant, root, text,
+    Folder, Said, built_as_shipped, copy_program, finish, orchestrate, orchestrator, participant, root, start, text,
 };
 use escapement_tests::world::oscillator;
+use rustix::process::Signal;
 
 /// Runs `orchestrator` with `arguments` in the working directory `folder`.
 fn given_in(folder: &Path, arguments: &[&OsStr]) -> Said {
@@ -337,4 +339,20 @@ fn run_that_fails_before_it_has_begun_replaces_no_other() {
     assert_eq!(said.code, Some(1), "{said:?}");
     assert_eq!(kept(), before);
     assert!(!out.join(".replaced").exists());
+}
+
+#[test]
+fn folder_of_a_run_in_progress_is_not_taken() {
+    let folder = Folder::new("progress");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("out");
+    let arguments = ["run", text(&scenario), "--quiet", "--out", text(&out)];
+    let mut first = start(&[&arguments[..], &["--real-time", "--duration", "1000 s"]].concat());
+    wait_for_bytes(&mut first, &out.join("tape/plant.motion.bin"), 1);
+    let second = orchestrate(&[&arguments[..], &["--force"]].concat());
+    assert_eq!(second.code, Some(2), "{second:?}");
+    assert!(second.err.contains("a run is under way in it"), "{second:?}");
+    assert!(signal(first.id(), Signal::INT));
+    let first = finish(first);
+    assert!(out.join("summary.json").exists(), "{first:?}");
 }

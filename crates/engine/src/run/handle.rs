@@ -53,6 +53,8 @@ pub struct Run {
     pub(super) saves: Vec<u64>,
     pub(super) saved: u64,
     pub(super) wall: Duration,
+    /// The claim to the run's folder, if it has one: no other run takes the folder before this one has ended.
+    claim: Option<Claim>,
 }
 
 /// The state in which [`Run::conduct`] has left a run.
@@ -142,7 +144,7 @@ impl Run {
             }
             (None, None) => Err(no_samples()),
         };
-        let run = made.and_then(|(ready, making)| Run::of(scenario, options, ready, making, folder));
+        let mut run = made.and_then(|(ready, making)| Run::of(scenario, options, ready, making, folder));
         // A run that was refused leaves nothing in its folder. One that failed before it began leaves what there is to read, unless
         // there is a previous run to restore.
         let stays = match &run {
@@ -151,6 +153,9 @@ impl Run {
         };
         if stays {
             claim.iter_mut().for_each(Claim::settle);
+        }
+        if let Ok(run) = &mut run {
+            run.claim = claim;
         }
         run
     }
@@ -216,6 +221,7 @@ impl Run {
             saves: Vec::new(),
             saved: 0,
             wall: Duration::ZERO,
+            claim: None,
         })
     }
 
