@@ -1,5 +1,6 @@
 //! Runs: executed to their end at once, or advanced from pause to pause.
 
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::PoisonError;
 
@@ -7,7 +8,7 @@ use engine::Progress;
 use engine::campaign::Figures;
 use engine::run::{self as engine_run, Checkpoint, Ending, Options, Outcome, Record, RunFailure};
 use lockstep::time::Rational;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -84,8 +85,12 @@ impl How {
                     .and_then(|tape| tape.verify())
                     .map_err(|error| errors::tape(py, &format!("the run cannot be taken up: {error}")))?;
                 let from = self.resume_from.as_deref().map(time).transpose()?;
-                let checkpoint = engine_run::checkpoint::Checkpoint::find(&folder.checkpoints(), from)
+                let (checkpoint, left_out) = engine_run::checkpoint::Checkpoint::find(&folder.checkpoints(), from)
                     .map_err(|error| errors::run(py, &RunFailure::from(error)))?;
+                for error in left_out {
+                    let message = CString::new(format!("{error}; the file is left out"))?;
+                    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &message, 1)?;
+                }
                 Some(engine_run::Origin {
                     run: run.clone(),
                     checkpoint,
