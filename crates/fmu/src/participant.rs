@@ -262,7 +262,7 @@ impl Participant for Fmu {
             let token = self.model.description.token.clone();
             wire::encode("the state of an FMU", &Saved { token, state }).map_err(|error| error.to_string())
         });
-        // Whoever asks for the state learns only that there is none.
+        // The caller of `save` gets no more than `None`: the reason goes into the log.
         let tell = |reason: String| {
             let log = self.log.clone().unwrap_or_else(|| Log::new(&self.name, None));
             log.at(self.reached)

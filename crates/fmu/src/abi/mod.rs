@@ -22,7 +22,7 @@ use crate::description::{Description, Version};
 use guarded::Guarded;
 
 /// Loads the library of the FMU that is unpacked in `folder` and creates an instance called `name`. `alone` where nothing else depends
-/// on the process: whoever started it then sees that it has ended, and with which status.
+/// on the process: the orchestrator then sees that it has ended, and with which status.
 ///
 /// # Errors
 /// Names the library or the function, with the FMU's log.

@@ -407,7 +407,7 @@ impl Stepper {
         self.phase = Phase::Publish { output: 0 };
     }
 
-    /// Sends the outputs from number `first` on to their consumers; those that nobody reads are not sent.
+    /// Sends the outputs from number `first` on to their consumers; a sample that no consumer reads is not sent.
     fn publish(&mut self, first: usize) -> Result<Option<Wait>, Box<StepError>> {
         let header = self.header();
         for (number, output) in self.outputs.iter_mut().enumerate().skip(first) {
