@@ -307,6 +307,7 @@ impl Rarely {
             "probability": estimate.probability,
             "interval": estimate.interval,
             "variation": finite(estimate.variation),
+            "ancestors": estimate.ancestors,
             "points": estimate.points,
             "equivalent": finite(estimate.equivalent),
             "stuck": estimate.stuck,
@@ -337,11 +338,11 @@ impl Rarely {
         let steps = estimate.levels.last().and_then(|level| level.acceptance);
         if estimate.stuck && steps.is_some_and(|taken| taken < STEPS_LEAST) {
             lines.push(
-                "  the levels stopped to rise: hardly any step is taken; where noise decides, seeds = \"same\" leaves what is dispersed".to_owned(),
+                "  the levels stopped rising: hardly any step was accepted; where noise decides, seeds = \"same\" leaves only what is dispersed".to_owned(),
             );
         } else if estimate.stuck {
             lines.push(
-                "  the levels stopped to rise: the figure takes few different values, so nothing is won over counting"
+                "  the levels stopped rising: the figure takes few different values, so there is no advantage over counting"
                     .to_owned(),
             );
         } else if estimate.probability == 0.0 {

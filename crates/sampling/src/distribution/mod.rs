@@ -5,6 +5,7 @@ mod inertia;
 mod normal;
 mod rotation;
 mod scalar;
+mod student;
 mod vector;
 
 pub use impossible::Impossible;
@@ -14,4 +15,5 @@ pub use rotation::{
     Quaternion, compose, from_roll_pitch_yaw, misalignment, random_rotation, roll_pitch_yaw, rotate, small_rotation,
 };
 pub use scalar::{Scalar, Weights};
+pub use student::quantile as student_quantile;
 pub use vector::{Correlated, in_cone, on_sphere};

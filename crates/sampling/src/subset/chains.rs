@@ -19,6 +19,8 @@ const DEVIATION_MIN: f64 = 0.05;
 pub(super) struct State {
     /// Number of the evaluated point.
     pub number: usize,
+    /// Number of its ancestor in the first level: its own number there.
+    pub ancestor: usize,
     /// Independent standard normal numbers.
     pub z: Vec<f64>,
     pub score: f64,
@@ -81,7 +83,13 @@ impl Chains {
             // An impossible point has the score NaN, which reaches no threshold.
             let goes = candidate.score >= self.threshold;
             self.accepted += usize::from(goes);
-            row.push(if goes { candidate } else { state.clone() });
+            row.push(match goes {
+                true => State {
+                    ancestor: state.ancestor,
+                    ..candidate
+                },
+                false => state.clone(),
+            });
         }
         self.rows.push(row);
     }

@@ -72,6 +72,8 @@ pub struct Subset {
     /// The chains of the current level; none in the first level and at the end.
     chains: Option<Chains>,
     levels: Vec<Level>,
+    /// The effect of each state of the first level, through all its descendants, on the logarithm of the probability.
+    influence: Vec<f64>,
     /// The states in the event.
     event: Vec<State>,
     /// Whether the thresholds stopped rising.
@@ -126,6 +128,7 @@ impl Subset {
             coordinates,
             chains: None,
             levels: Vec::new(),
+            influence: vec![0.0; settings.points],
             event: Vec::new(),
             stuck: false,
         })
@@ -146,6 +149,7 @@ impl Subset {
         self.sent += batch.len();
         let came = batch.into_iter().zip(scores).map(|(one, score)| State {
             number: one.number,
+            ancestor: one.number,
             z: one.u.iter().map(|u| normal_quantile(*u)).collect(),
             score: *score,
         });
@@ -174,7 +178,7 @@ impl Subset {
 
     /// The estimate so far.
     pub fn estimate(&self) -> Estimate {
-        Estimate::of(&self.levels, &self.event, self.sent, self.stuck)
+        Estimate::of(&self.levels, &self.influence, &self.event, self.sent, self.stuck)
     }
 
     /// Ends a level and begins the next one, if needed. `rows` are the steps of its chains, and `deviation` their standard deviation.
@@ -196,7 +200,9 @@ impl Subset {
                 state.score >= threshold
             }
         };
-        self.levels.push(Level::of(threshold, &states, &rows, beyond));
+        let level = Level::of(threshold, &states, &rows, beyond);
+        level.add_influence(&states, beyond, &mut self.influence);
+        self.levels.push(level);
         if last {
             self.event = states.into_iter().filter(beyond).collect();
             return;

@@ -152,7 +152,7 @@ function rare() {
   const found = one.probability > 0, name = one.criterion.replaceAll("_", " ");
   const rate = el("div", { class: "card" }, el("h3", {}, `${name} is missed`), el("div", { class: "big" }, found ? tiny(one.probability) : "below " + tiny(one.interval[1])),
     el("p", { class: "note" }, found ? `${tiny(one.interval[0])} to ${tiny(one.interval[1])} with 95 % confidence: ${one.limits}. ${one.points} points in ${one.levels.length} levels${one.equivalent ? `; as many independent ones as say the same: ${show(one.equivalent)}` : ""}.` : `It was never missed in ${one.points} points: ${one.limits}.`),
-    one.stuck ? el("p", { class: "note" }, "The levels stopped to rise: the figure takes few different values, or hardly any step is taken because noise decides.") : null);
+    one.stuck ? el("p", { class: "note" }, "The levels stopped rising: the figure takes few different values, or hardly any step was accepted because noise decides.") : null);
   rate.append(table(["level", `beyond${behind(one.unit && `[${one.unit}]`)}`, "states", "share", "steps taken"], one.levels.map((level, i) => row(i + 1, level.threshold == null ? "—" : show(level.threshold), level.states, percent(level.share), level.acceptance == null ? "—" : percent(level.acceptance)))));
   const parts = [rate];
   const curve = one.exceedance.map(([x, part]) => [x, Math.log10(part)]);
