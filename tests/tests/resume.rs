@@ -103,6 +103,11 @@ fn branch_without_a_change_is_the_run_itself() {
         assert_eq!(said.code, Some(0), "{said:?}");
         world.same_as_undisturbed(&name);
     }
+    // An instant that rounds up to the end is refused with the option that named it.
+    let said = world.resume("saved", "late", &["--from", "9.9995 s", "--set", "title=Unchanged"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("error: --from 9999500 us"), "{said:?}");
+    assert!(!said.err.contains("--checkpoint-at"), "{said:?}");
 }
 
 /// A branch is killed on the way to its start: the folder that it uses for that is found and removed, and not before.

@@ -21,7 +21,7 @@ struct Stand {
 impl Stand {
     fn of(scenario: &Scenario, time: Rational) -> Result<Stand, TickError> {
         let entries = &scenario.participants;
-        let timebase = Timebase::measuring(entries.iter().flat_map(|entry| [entry.period, entry.offset]))?;
+        let timebase = timebase(scenario)?;
         let (at, end) = (timebase.ceil(time)?, timebase.ceil(scenario.duration)?);
         let done = entries.iter().map(|entry| {
             let sample_time = SampleTime {
@@ -39,6 +39,12 @@ impl Stand {
             goes_on: at < end,
         })
     }
+}
+
+/// The timebase of a run of `scenario`.
+pub(super) fn timebase(scenario: &Scenario) -> Result<Timebase, TickError> {
+    let entries = scenario.participants.iter();
+    Timebase::measuring(entries.flat_map(|entry| [entry.period, entry.offset]))
 }
 
 fn stand(scenario: &Scenario, time: Rational) -> Result<Stand, RunFailure> {
