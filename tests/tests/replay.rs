@@ -280,3 +280,28 @@ fn a_tape_with_a_part_of_what_is_needed_is_refused_by_name() {
         }
     }
 }
+
+#[test]
+fn replay_without_a_sample_to_compare_is_no_success() {
+    let folder = Folder::new("replay-nothing");
+    for (set, reason) in [
+        ("record.controller=false", "the tape has no output of `controller`"),
+        (
+            "participants.controller.offset=200 ms",
+            "the tape has no sample of `controller`",
+        ),
+    ] {
+        let run = recorded(
+            &folder,
+            &root().join("scenarios/close.toml"),
+            &["--duration", "100 ms", "--force", "--in-process", "--set", set],
+        );
+        let said = replay(&run, "controller", &[]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        let error = format!("error: nothing was compared: {reason}");
+        assert!(said.err.contains(&error), "{said:?}");
+        assert!(said.json()["comparison"].is_null(), "{said:?}");
+        let words = orchestrate(&["replay", text(&run), "--participant", "controller"]);
+        assert!(!words.out.contains("identical"), "{words:?}");
+    }
+}

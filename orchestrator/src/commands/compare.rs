@@ -68,6 +68,9 @@ fn open(path: &Path, trust: Trust) -> Result<Reader, tape::ReadError> {
 
 /// The result as text.
 pub(crate) fn print(out: &mut impl Write, comparison: &Comparison) -> io::Result<()> {
+    if comparison.identical && comparison.samples == 0 {
+        return writeln!(out, "identical, but neither tape has a sample: nothing was compared");
+    }
     if comparison.identical {
         return writeln!(out, "identical: {} samples", comparison.samples);
     }

@@ -16,10 +16,15 @@ use crate::{signals, terminal};
 use engine::replay::{Found, Replay, ReplayError, Request};
 use engine::run::{Ending, Options, Wait};
 
-/// Run one participant of a recorded run again, with the inputs it had then, and compare what it says with the tape.
+/// Exit code: no sample was compared.
+const UNCOMPARED: i32 = 2;
+
+/// Run one participant of a recorded run again, with the inputs of that run, and compare its outputs with the tape.
 ///
-/// It starts at the beginning, because only there its state is known. Exit code 0: identical. 3: different. 2: the
-/// participant or the tape does not fit. 1: the participant failed.
+/// The replay starts at the beginning of the run, because only there the state of the participant is known.
+///
+/// Exit codes: 0 identical; 3 different; 2 the participant or the tape does not fit, or no sample could be compared; 1 the
+/// participant failed.
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
     /// The folder of a run
@@ -120,11 +125,14 @@ fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
             "ending": found.ending,
             "to_s": found.to_s,
             "notes": found.notes,
-            "comparison": found.comparison,
+            "comparison": found.comparison.as_ref().ok(),
+            "refused": found.comparison.as_ref().err(),
         });
         serde_json::to_writer_pretty(&mut out, &result)?;
         writeln!(out)?;
-    } else if !args.common.quiet {
+    } else if let Ok(comparison) = &found.comparison
+        && !args.common.quiet
+    {
         writeln!(
             out,
             "`{}` of {} (A) and again (B), up to t = {} s:",
@@ -132,11 +140,15 @@ fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
             args.run.display(),
             found.to_s
         )?;
-        print(&mut out, &found.comparison)?;
+        print(&mut out, comparison)?;
     }
-    Ok(match (failed, found.comparison.identical) {
-        (true, _) => 1,
-        (false, true) => 0,
-        (false, false) => DIFFERENT,
+    if let Err(reason) = &found.comparison {
+        eprintln!("error: {reason}");
+    }
+    Ok(match &found.comparison {
+        _ if failed => 1,
+        Ok(comparison) if comparison.identical => 0,
+        Ok(_) => DIFFERENT,
+        Err(_) => UNCOMPARED,
     })
 }
