@@ -8,7 +8,7 @@ use engine::measures::{Definition, of_tape};
 use engine::scenario::{DeclaredMeasure, measures_of_file, measures_of_plan};
 use serde_json::json;
 use tape::folder::RunFolder;
-use tape::{Reader, Source};
+use tape::{Reader, Source, StreamSpec};
 use toml::{Table, Value};
 
 use super::trust::{Trust, name_torn, told};
@@ -94,6 +94,12 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<i32> {
         .map_err(|error| told(&error))
         .and_then(|tape| {
             name_torn(&tape);
+            if tape.streams().is_empty() {
+                return Err(format!(
+                    "{}: the tape has no stream, so nothing can be measured; record a run whose [record] keeps what is to be measured",
+                    args.run.display()
+                ));
+            }
             let definitions = args.definitions(&tape)?;
             of_tape(definitions, &tape).map_err(|error| error.to_string())
         });
@@ -170,6 +176,20 @@ impl MeasureArgs {
         };
         let name = self.compute.clone().unwrap_or_default();
         let measure = DeclaredMeasure::of_table(&name, table).map_err(told)?;
-        measure.resolve(tape.streams()).map_err(told)
+        let resolved = measure.resolve(tape.streams()).map_err(told);
+        resolved.map_err(|reason| match self.absent(of, tape) {
+            Some(path) => format!("{reason} (`{path}` is not on the tape if [record] leaves its stream out)"),
+            None => reason,
+        })
+    }
+
+    /// The path of the command line whose stream the tape does not have.
+    fn absent<'a>(&'a self, of: &'a str, tape: &Reader) -> Option<&'a str> {
+        let there = |path: &str| {
+            let mut names = tape.streams().iter().map(StreamSpec::name);
+            names.any(|name| path.strip_prefix(&name).is_some_and(|rest| rest.starts_with('.')))
+        };
+        let mut paths = std::iter::once(of).chain(self.minus.as_deref());
+        paths.find(|path| !there(path))
     }
 }
