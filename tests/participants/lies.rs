@@ -44,11 +44,11 @@ fn act(lie: &str, liar: &mut Liar) {
         "link-nan" => payload[..8].copy_from_slice(&f64::NAN.to_le_bytes()),
         "record-size" => payload.truncate(9),
         "record-stream" => stream = Some(1 - liar.assignment.outputs[0].stream),
-        "record-nobody" => stream = Some(77),
+        "record-unknown" => stream = Some(77),
         "record-last" => header.index = u64::MAX,
         "record-twice" => liar.record_anew(),
         // It wakes no consumer: all that it sends is found all the same.
-        "wakes-nobody" => {
+        "wakes-none" => {
             liar.behave_from(LIE, liar.assignment.activations);
             return liar.note(&Note::Finished(Timing::default()));
         }

@@ -80,7 +80,7 @@ fn consumer_finds_samples_although_no_notifier_wakes_it() {
     let folder = Folder::new("wakes");
     let scenario = oscillator(&folder, "damper");
     let run = format!(
-        "participants.damper.run={{ exe = '{}', args = ['wakes-nobody'] }}",
+        "participants.damper.run={{ exe = '{}', args = ['wakes-none'] }}",
         participant("lies").display()
     );
     let out = folder.path().join("run");
@@ -180,7 +180,7 @@ fn a_false_record_is_refused_and_its_author_named() {
     caught("record-stamp", &[of, "sample #100 stamped", "its stamp must be 1 s"]);
     caught("record-size", &[of, "damper.push", "9", "16"]);
     caught("record-stream", &[of, "which is not its own"]);
-    caught("record-nobody", &[of, "stream 77, which is not its own"]);
+    caught("record-unknown", &[of, "stream 77, which is not its own"]);
     caught("record-last", &[of, "18446744073709551615"]);
 }
 

@@ -141,7 +141,7 @@ fn what_needs_the_rest_is_refused() {
 }
 
 #[test]
-fn wishes_that_do_not_fit_are_refused_with_file_and_key() {
+fn entries_that_do_not_fit_are_refused_with_file_and_key() {
     let world = World::new("recorded-wrong", "damper");
     let scenario = std::fs::read_to_string(&world.scenario).unwrap();
     for (record, key, part) in [

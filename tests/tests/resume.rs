@@ -350,7 +350,7 @@ fn who_does_something_else_after_a_restart_is_named() {
 }
 
 #[test]
-fn a_substitute_takes_over_from_whoever_fails() {
+fn substitute_takes_over_from_the_failed_participant() {
     for bad in ["crash_at", "hangs", "nan", "panics", "exit_at"] {
         let world = World::new(bad, bad);
         let good = participant("damper");

@@ -17,7 +17,7 @@ use crate::scenario::Entry;
 pub(super) enum Turn {
     /// There is more to do.
     Going,
-    /// All participants rest at this instant, where the guide stops.
+    /// All participants rest at this instant, where the clock controller stops.
     Rests(Ticks),
     /// The participant that is to be held has the inputs of its activation at this instant, and has not stepped.
     Held(Ticks),
@@ -48,7 +48,7 @@ pub(super) struct Account {
 
 /// The participants of a run, and the loop or the processes that execute them.
 pub(super) trait Executor {
-    /// Lets the participants do a part of what the guide grants, and takes what they have recorded. The error is a failure that the
+    /// Lets the participants do a part of what the clock controller grants, and takes what they have recorded. The error is a failure that the
     /// run may survive.
     fn turn(&mut self, run_state: &mut RunState) -> Result<Turn, Ending>;
 

@@ -231,7 +231,7 @@ impl Processes {
         let missing = self.relocate(run_state, &checkpoint.cut, slots)?;
         run_state.substituted = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
         run_state
-            .guide
+            .clock
             .rewind(&run_state.scenario, &run_state.plan, run_state.substituted);
         for one in fallen {
             let text = format!(

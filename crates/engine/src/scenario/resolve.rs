@@ -282,7 +282,7 @@ impl Scenario {
             let port = format!("{}.{input}", self.participants[*participant].setup.name);
             remark(
                 "inputs",
-                format!("nobody feeds `{port}`: it holds zero unless a program sets it while the run goes on"),
+                format!("no output is connected to `{port}`: it is zero unless a program that drives the run sets it"),
             );
         }
         for (name, connection) in self.spec.connections.iter().filter(|(_, own)| own.hold == Hold::Linear) {

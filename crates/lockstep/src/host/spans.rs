@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_alone_are_kept_where_nobody_asks_for_waits() {
+    fn only_steps_are_kept_where_waits_are_not_requested() {
         let mut spans = Spans::new(Detail::Steps);
         spans.waited(0, Doing::Horizon, 0, 0, 1);
         assert_eq!(spans.note(), None);

@@ -35,7 +35,7 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
             .join("+")
     };
     if cores.len() < 2 {
-        let reason = "one core: everybody takes turns on it".to_owned();
+        let reason = "one core: all participants share it".to_owned();
         return Placement {
             cores: vec![None; count],
             sharing: vec![count; count],

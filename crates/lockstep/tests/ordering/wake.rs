@@ -1,4 +1,4 @@
-//! Sleep and wake-up: nobody sleeps on while what it waits for is there.
+//! Sleep and wake-up: no participant stays asleep while what it waits for is there.
 
 use testing::loom::sync::Arc;
 use testing::loom::thread;
@@ -116,7 +116,7 @@ fn sleeper_needs_its_fence() {
     send_sleeping(1, [None, Some(Ordering::SeqCst)]);
 }
 
-/// The sender dies between its store and the wake-up. `noticed`: somebody rings for it.
+/// The sender dies between its store and the wake-up. `noticed`: the orchestrator wakes the receiver.
 fn die_before_waking(noticed: bool) {
     check(3, move || {
         let [mut sending, mut receiving] = ends();

@@ -142,9 +142,9 @@ pub(crate) struct Reserved {
 /// most half of what the least sizes leave, because other runs may start.
 fn rings(needs: &Footprint, free: u64) -> Vec<u32> {
     let spare = free.saturating_sub(needs.least()) / 2;
-    let wish = (needs.best() - needs.least()).max(1);
+    let extra = (needs.best() - needs.least()).max(1);
     let share = |room: &std::ops::RangeInclusive<u64>| {
-        let more = (room.end() - room.start()) as u128 * u128::from(spare.min(wish)) / u128::from(wish);
+        let more = (room.end() - room.start()) as u128 * u128::from(spare.min(extra)) / u128::from(extra);
         // Rounding down to whole pages keeps the sum within `spare`.
         let ring = room.start() + more as u64 / 4096 * 4096;
         ring.min(u64::from(u32::MAX / 64 * 64)) as u32

@@ -39,7 +39,7 @@ impl RecordSender {
         let what = || format!("handing over the record of `{participant}`");
         match ring.memory() {
             Ok(Some(_)) => {}
-            Ok(None) => return Err(domain.failed(what(), "nobody took it")),
+            Ok(None) => return Err(domain.failed(what(), "the recorder did not take it")),
             Err(error) => return Err(domain.failed(what(), error)),
         }
         Ok(RecordSender {
