@@ -381,7 +381,7 @@ fn a_substitute_in_mid_run_starts_afresh_or_keeps_the_state() {
     assert_eq!(world.count("run", 999), 799);
     let events = world.events("run");
     assert!(
-        events.contains("\"substitution\"") && events.contains("activation 201 from afresh"),
+        events.contains("\"substitution\"") && events.contains("activation 201 from its initial state"),
         "{events}"
     );
 

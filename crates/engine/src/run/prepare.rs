@@ -422,7 +422,7 @@ pub(super) fn substitution_event(
     state: State,
 ) -> Event {
     let how = match state {
-        State::Cold => "from afresh",
+        State::Cold => "from its initial state",
         State::Keep => "with the state of the one before",
     };
     Event {

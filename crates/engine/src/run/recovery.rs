@@ -276,7 +276,7 @@ impl Processes {
                 (Some(one), OnFailure::Substitute(program)) => {
                     let entry = entry.replaced_by(program);
                     let text = format!(
-                        "{} takes over at activation {stands} from afresh: the one before {}",
+                        "{} takes over at activation {stands} from its initial state: the one before {}",
                         entry.program,
                         one.first_line()
                     );
