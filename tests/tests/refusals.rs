@@ -60,7 +60,11 @@ fn title_with_control_characters_is_refused_and_escaped() {
     for (written, shown) in [("\\n", "\\n"), ("\\u001b[31m", "\\u{1b}"), ("\\u2028", "\\u{2028}")] {
         let line = format!(": title: \"{shown}");
         let to = title.replace("\"Close", &format!("\"{written}Close"));
-        refused(title, &to, &["changed.toml:", &line, "write one line without control characters"]);
+        refused(
+            title,
+            &to,
+            &["changed.toml:", &line, "write one line without control characters"],
+        );
     }
 }
 

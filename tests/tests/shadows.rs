@@ -93,7 +93,10 @@ fn shadow_without_a_sample_to_compare_is_not_identical() {
     let said = orchestrate(&[&common[..], &more, &shadow].concat());
     let found = &said.json()["shadows"][0];
     let refused = found["refused"].as_str().unwrap_or_default();
-    assert!(refused.contains("nothing was compared: the tape has no output"), "{found}");
+    assert!(
+        refused.contains("nothing was compared: the tape has no output"),
+        "{found}"
+    );
     assert!(found.get("comparison").is_none(), "{found}");
 }
 

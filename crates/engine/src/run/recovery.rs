@@ -118,7 +118,7 @@ impl Processes {
             // The samples that it had handed over count, up to the first faulty one.
             while let Ok(Taken::Old | Taken::News) = handle.take(one.number, &mut run_state.recorder()) {}
         }
-        self.place.clock.recall();
+        self.place.clock.pause();
         let mut patience = Patience::new(run_state.options.patience());
         loop {
             let mut left = None;

@@ -338,7 +338,7 @@ impl Executor for Processes {
     }
 
     fn bring_down(&mut self, run_state: &mut RunState) {
-        self.place.clock.stop();
+        self.place.clock.terminate();
         self.handles.iter().for_each(ParticipantHandle::ring);
         let mut grace = Patience::new(GRACE);
         for handle in &mut self.handles {

@@ -68,7 +68,7 @@ fn strategy(wait: Wait, sharing: usize) -> Waiting {
         Wait::Auto => match sharing {
             0 | 1 => Waiting::SPIN,
             2..=4 => Waiting::YIELD,
-            _ => Waiting::CROWD,
+            _ => Waiting::OVERSUBSCRIBED,
         },
         Wait::Yield => Waiting::YIELD,
         Wait::Spin => Waiting::SPIN,

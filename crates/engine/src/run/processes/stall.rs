@@ -49,7 +49,7 @@ pub(crate) fn standstill(
         let may = status.next < own.activations && own.sample_time.instant(status.next) < horizon;
         let working = match status.activity {
             Activity::Computing | Activity::Starting | Activity::Finished => true,
-            Activity::Rest => may || !handle.rests_at(horizon),
+            Activity::Paused => may || !handle.rests_at(horizon),
             _ => false,
         };
         let blind = match status.activity {
@@ -109,7 +109,7 @@ fn state(pid: u32, status: &Status, seconds: f64) -> String {
     let work = match status.activity {
         Activity::Starting => "getting ready",
         Activity::Computing => "computing",
-        Activity::Rest => "not seeing that it may go on",
+        Activity::Paused => "not seeing that it may go on",
         Activity::Finished => "done, but without a word of it,",
         Activity::Input { .. } | Activity::Room { .. } | Activity::Recorder => "waiting",
     };

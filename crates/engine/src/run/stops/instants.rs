@@ -55,7 +55,12 @@ pub(crate) fn check(duration: Rational, end: Ticks, timebase: &Timebase, options
 }
 
 /// Refuses `--from` at an instant at which a run of `duration` does not come to rest before its end at tick `end`.
-pub(crate) fn check_from(from: Rational, duration: Rational, end: Ticks, timebase: &Timebase) -> Result<(), RunFailure> {
+pub(crate) fn check_from(
+    from: Rational,
+    duration: Rational,
+    end: Ticks,
+    timebase: &Timebase,
+) -> Result<(), RunFailure> {
     match not_before_end(from, duration, end, timebase) {
         None => Ok(()),
         Some(end) => Err(RunFailure::Option {

@@ -1,4 +1,4 @@
-//! Checks of participants' notes about their progress against the plan and their recorded samples.
+//! Checks of the events in which participants report their progress against the plan and their recorded samples.
 
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;
@@ -6,7 +6,7 @@ use lockstep::transport::Broken;
 use super::recorder::{Recorder, samples};
 
 impl Recorder {
-    /// Checks a Finished note of participant number `participant` against its recorded samples.
+    /// Checks the event Finished of participant number `participant` against its recorded samples.
     ///
     /// # Errors
     /// The contradiction, in words that follow the participant's name.
@@ -23,7 +23,7 @@ impl Recorder {
         self.stands_at(participant, own.activations, says)
     }
 
-    /// Checks an AtRest note (granted time and next activation) against the plan and the recorded samples.
+    /// Checks the event AtHorizon (granted time and next activation) against the plan and the recorded samples.
     ///
     /// # Errors
     /// As [`Recorder::finished`].
@@ -47,7 +47,7 @@ impl Recorder {
         self.stands_at(participant, next, &says)
     }
 
-    /// Checks a Recalled note (next activation) against the recorded samples.
+    /// Checks the event Paused (next activation) against the recorded samples.
     ///
     /// # Errors
     /// As [`Recorder::finished`].
