@@ -15,14 +15,12 @@ pub(super) const DIFFERENT: i32 = 3;
 /// Exit code: a folder is not a tape, or cannot be read.
 const UNREADABLE: i32 = 2;
 
-/// Say whether two tapes are identical, else where they part first and how far each field differs.
-///
-/// Exit code 0: identical. 3: different. 2: one of the two cannot be read.
+/// Arguments of `compare`.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
     /// A run folder, or its `tape` folder
     pub a: PathBuf,
-    /// Another one
+    /// Another run folder, or its `tape` folder
     pub b: PathBuf,
     /// Print the result as JSON
     #[arg(long)]

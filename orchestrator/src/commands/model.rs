@@ -26,7 +26,7 @@ pub struct ModelArgs {
     pub model: PathBuf,
     /// States in JSON; without them the tree is printed
     pub states: Option<PathBuf>,
-    /// Go on with links that no distribution of mass has; they are warned of
+    /// Accept links with inertias that no distribution of mass has, with a warning
     #[arg(long)]
     pub allow_unphysical: bool,
 }

@@ -19,33 +19,28 @@ use engine::run::{Ending, Options, Wait};
 /// Exit code: no sample was compared.
 const UNCOMPARED: i32 = 2;
 
-/// Run one participant of a recorded run again, with the inputs of that run, and compare its outputs with the tape.
-///
-/// The replay starts at the beginning of the run, because only there the state of the participant is known.
-///
-/// Exit codes: 0 identical; 3 different; 2 the participant or the tape does not fit, or no sample could be compared; 1 the
-/// participant failed.
+/// Arguments of `replay`.
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
     /// The folder of a run
     pub run: PathBuf,
-    /// Who is run again
+    /// The participant to run again
     #[arg(long, short)]
     pub participant: String,
-    /// This program in its place, with the arguments behind `--`
+    /// Run this program instead, with the arguments after `--`
     #[arg(long, value_name = "PATH")]
     pub exe: Option<PathBuf>,
-    /// In a process of its own over shared memory, as in the run; without it a participant that this program contains
-    /// runs in this process
+    /// Run the participant in a process of its own over shared memory, as in the run; by default a participant that this program
+    /// contains runs in this process
     #[arg(long)]
     pub process: bool,
     /// Change a key of the plan, such as participants.controller.parameters.law=\"reference\" (may be given more than once)
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
-    /// Replay only what happens before this simulated time
+    /// Replay only the activations before this simulated time
     #[arg(long, value_name = "TIME", value_parser = span)]
     pub to: Option<Rational>,
-    /// Come to rest before the first step, or at this simulated time, say the process number, and wait for Enter
+    /// Pause before the first step, or at this simulated time, print the process number, and wait for Enter
     #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true, value_parser = instant)]
     pub wait_for_debugger: Option<Rational>,
     /// What every run takes
