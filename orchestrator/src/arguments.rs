@@ -59,7 +59,7 @@ pub fn instant(text: &str) -> Result<Rational, String> {
     let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
     if time.is_negative() {
         return Err(format!(
-            "{time} lies before the start; write 0 s or a later time, such as 5s"
+            "{time} is before the start; write 0 s or a later time, such as 5s"
         ));
     }
     Ok(time)

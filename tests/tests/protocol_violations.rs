@@ -52,7 +52,7 @@ fn false_rest_note_is_refused_before_a_checkpoint() {
             "rests-short",
             "at t = 2 s, and has recorded 100 samples of `damper.push` where the plan has 200",
         ),
-        ("rests-beyond", "at t = 3 s; it may go no further than t = 2 s"),
+        ("rests-beyond", "at t = 3 s; it is granted no time after t = 2 s"),
     ] {
         let (folder, _) = caught_with(
             lie,
@@ -108,7 +108,7 @@ fn sample_past_the_granted_time_is_refused() {
         &["--pause-at", "1 s"],
         &[
             "`damper`: recorded sample #100 of `damper.push`",
-            "it may go no further than t = 1 s",
+            "it is granted no time after t = 1 s",
         ],
     );
 }

@@ -111,7 +111,7 @@ fn a_tape_cut_short_is_replayed_as_far_as_it_reaches() {
         notes.contains("5000 samples of plant.motion") && notes.contains("t = 5 s"),
         "{notes}"
     );
-    assert!(notes.contains("200 samples where the tape ends"), "{notes}");
+    assert!(notes.contains("200 samples more than the tape"), "{notes}");
     cut("plant.motion.bin", 0);
     let said = replay(&run, "damper", &[]);
     assert_eq!(said.code, Some(2), "{said:?}");
@@ -241,9 +241,9 @@ fn branch_is_replayed_where_its_own_plan_made_it() {
     let said = replay(&branch, "guidance", &[]);
     assert_eq!(said.code, Some(2), "{said:?}");
     for part in [
-        "taken up with changes at t = 500 ms",
+        "resumed with changes at t = 500 ms",
         "`guidance` differs",
-        "replay the run that this one was taken up from",
+        "replay the run from which this one was resumed",
     ] {
         assert!(said.err.contains(part), "{said:?}");
     }

@@ -332,7 +332,7 @@ fn who_fails_again_and_again_is_given_up() {
     let said = world.run("run", &["--set", policy]);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(
-        said.err.contains("signal 6") && said.err.contains("taken up again 5 times"),
+        said.err.contains("signal 6") && said.err.contains("restarted 5 times"),
         "{said:?}"
     );
     assert_eq!(world.prefix("run"), 200);

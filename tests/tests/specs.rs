@@ -255,7 +255,7 @@ fn mistakes_in_code_name_the_key_the_value_and_the_remedy() {
         ),
         (
             |spec| spec.faults[0].at = "-1 s".into(),
-            "loop.toml: faults.fault-1.at: -1 s lies before the start",
+            "loop.toml: faults.fault-1.at: -1 s is before the start",
         ),
         (
             |spec| spec.faults[1].input = Some("plant.push".into()),

@@ -122,7 +122,7 @@ fn export(library: &Path, request: &str) -> anyhow::Result<i32> {
     let symbol = unsafe { libc::dlsym(handle, c"escapement_fmu_export".as_ptr()) };
     if symbol.is_null() {
         bail!(
-            "`{}` is no library of FMUs: it has no function `escapement_fmu_export`",
+            "`{}` is not a library of FMUs: it has no function `escapement_fmu_export`",
             library.display()
         );
     }

@@ -74,7 +74,7 @@ pub(super) fn read(file: &Path, allow_unphysical: bool) -> Result<Description> {
                 .collect();
             let unphysical = errors.iter().any(|error| error.fault.is_unphysical());
             let remedy = if unphysical {
-                "\n`--allow-unphysical` goes on with what no distribution of mass has"
+                "\n`--allow-unphysical` accepts inertias that no distribution of mass has"
             } else {
                 ""
             };

@@ -76,7 +76,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     if let Ok(tape) = Reader::open(&folder.tape())
         && let Err(error) = tape.verify()
     {
-        eprintln!("error: the run cannot be taken up: {error}");
+        eprintln!("error: the run cannot be resumed: {error}");
         return Ok(2);
     }
     if let Some(name) = folder.scenario_name() {
@@ -88,7 +88,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
         let and = at
             .map(|at| format!(", with changes from t = {at} on"))
             .unwrap_or_default();
-        eprintln!("going on from the checkpoint at t = {}{and}", checkpoint.time);
+        eprintln!("continuing from the checkpoint at t = {}{and}", checkpoint.time);
     }
     let run = args.run.clone();
     let origin = Origin { run, checkpoint };

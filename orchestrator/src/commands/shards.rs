@@ -280,6 +280,6 @@ fn print(part: &Part, waits: bool) {
             || format!("run {}", part.root.display()),
             |source| rare_command(source, &part.root),
         );
-        println!("    goes on with: sweep {command}");
+        println!("    continue with: sweep {command}");
     }
 }

@@ -140,7 +140,7 @@ fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
         let file = file.ok_or_else(|| {
             let path = args.scenario.scenario.display();
             let reason =
-                format!("{path} is no campaign file: a grid has its values, and --seeds COUNT says how many seeds");
+                format!("{path} is not a campaign file: a grid has its values, and --seeds COUNT says how many seeds");
             CampaignError::Points(reason)
         })?;
         return Ok(Some(file.with_points(points)));

@@ -62,7 +62,7 @@ impl ReplayError {
 pub struct Found {
     /// How the participant's run ended.
     pub ending: Ending,
-    /// A is the recording, B the replay; both up to the shorter one. An error says why not a single sample was compared.
+    /// A is the recording, B the replay; both up to the shorter one. An error has the reason why no sample was compared.
     pub comparison: Result<Comparison, String>,
     /// Remarks for a reader of the result.
     pub notes: Vec<String>,
@@ -175,10 +175,7 @@ impl Replay {
             };
             if *count > *recorded {
                 let more = *count - *recorded;
-                notes.push(format!(
-                    "{} goes on for {more} samples where the tape ends",
-                    spec.name()
-                ));
+                notes.push(format!("{} has {more} samples more than the tape", spec.name()));
             }
             *count = (*count).min(*recorded);
             *recorded = *count;
@@ -221,7 +218,7 @@ fn uncompared(participant: &str, recording: &[(usize, u64)], to_s: f64) -> Strin
     format!("nothing was compared: {reason}")
 }
 
-/// A run that was taken up with changes: before these, a different plan from its `plan.toml` applied.
+/// A run that was resumed with changes: before these, a different plan from its `plan.toml` applied.
 struct Branched {
     /// The instant from which on the plan is that of the run.
     at: Rational,
@@ -236,15 +233,14 @@ impl Branched {
     /// When only the other plan can be the reason.
     fn differs(&self, reader: &Reader, participant: &str, first: f64) -> Result<String, ReplayError> {
         let at = self.at;
-        let why = format!(
-            "the run was taken up with changes at t = {at}: what was before was made by another plan than its plan.toml"
-        );
+        let why =
+            format!("the run was resumed with changes at t = {at}: up to then it had another plan than its plan.toml");
         if !self.as_it_was || first >= at.seconds() {
             return Ok(why);
         }
         Err(ReplayError::Misfit(format!(
             "{}: {why}, and `{participant}` differs from t = {first} s on. A participant is replayed from its start, where its state is known: \
-             replay the run that this one was taken up from",
+             replay the run from which this one was resumed",
             reader.dir().display()
         )))
     }

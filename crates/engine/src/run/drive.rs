@@ -99,7 +99,7 @@ impl Run {
             Ok(ticks) if time <= self.run_state.scenario.duration => ticks.min(plan.end),
             _ => {
                 return refuse(format!(
-                    "lies behind the end of the run at {}",
+                    "is after the end of the run at {}",
                     self.run_state.scenario.duration
                 ));
             }

@@ -27,7 +27,7 @@ pub(super) enum Turn {
     Parked,
 }
 
-/// What runs in a participant's slot when the run is taken up.
+/// What runs in a participant's slot when the run is resumed.
 pub(super) enum Slot {
     /// The same program, with this state, or else the one that it has.
     Same(Option<Vec<u8>>),
@@ -88,10 +88,10 @@ pub(super) trait Executor {
     /// Whether a participant can fail individually, so that others may continue without it.
     fn outlives_failures(&self) -> bool;
 
-    /// Handles the failure in `ending` as the scenario says: returns when the run can continue, or returns the ending as an error.
+    /// Handles the failure in `ending` as the scenario specifies: returns when the run can continue, or returns the ending as an error.
     fn survive(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending>;
 
-    /// Registers participants that failed while the run was taken up.
+    /// Registers participants that failed while the run was resumed.
     fn note_fallen(&mut self, fallen: Vec<FailedParticipant>);
 
     /// At a rest: which process is which participant, in words.

@@ -258,7 +258,9 @@ impl Seat {
             return refused("it is not time to connect: configure first");
         };
         match &mut position {
-            None if *worked => return refused("it has worked already and must be told where to go on"),
+            None if *worked => {
+                return refused("it has already been initialised, so a position to continue from is required");
+            }
             None => {}
             Some(position) => {
                 let instant = assignment.sample_time.instant(position.next);

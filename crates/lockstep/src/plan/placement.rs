@@ -77,7 +77,7 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
         .map(|(groups, core)| format!("core {core}: {}", groups.join(", ")))
         .collect();
     let reason = format!(
-        "{} cores for {count} participants: those who take turns share a core ({})",
+        "{} cores for {count} participants: participants that alternate share a core ({})",
         cores.len(),
         listed.join("; ")
     );

@@ -168,7 +168,7 @@ fn odd(entry: &Entry, error: impl ToString) -> RunFailure {
     }
 }
 
-/// The participant in a slot when the run is taken up; `now` is the present participant, which is about to do activation `next`.
+/// The participant in a slot when the run is resumed; `now` is the present participant, which is about to do activation `next`.
 fn slot(
     run_state: &RunState,
     number: usize,

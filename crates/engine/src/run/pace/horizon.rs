@@ -49,7 +49,7 @@ impl ClockController {
         }
     }
 
-    /// Sets the instant at which the run rests for its driving program; with `None` it rests only where its schedule says.
+    /// Sets the instant at which the run rests for its driving program; with `None` it rests only where its schedule has a stop.
     pub(crate) fn drive_to(&mut self, bound: Option<Ticks>) {
         self.bound = bound;
     }

@@ -84,7 +84,7 @@ impl Punctuality {
         );
         let held = self.held.map_or_else(|| "less".to_owned(), factor);
         Some(format!(
-            "the pace was not kept: {held} times real time where {} was asked for; {who}",
+            "the pace was not kept: {held} times real time, and {} was requested; {who}",
             factor(self.asked)
         ))
     }

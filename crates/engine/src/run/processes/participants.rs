@@ -24,7 +24,7 @@ use crate::run::timeout::{Awake, Patience};
 use crate::scenario::{Entry, Scenario};
 use crate::text::quoted;
 
-/// How long a program may take to enter the run, and to answer a request, unless the scenario or an option says otherwise.
+/// How long a program may take to enter the run, and to answer a request, unless the scenario or an option specifies it.
 const START_WITHIN: Duration = Duration::from_secs(20);
 
 /// How long the program of `entry` may take to enter the run, and to answer a request.
@@ -307,7 +307,7 @@ fn when(request: &Request) -> &'static str {
         Request::Connect { .. } => "when it was given its part of the plan",
         Request::Save => "when it was asked for its state",
         Request::Move { .. } => "when it was asked to move",
-        Request::Terminate => "when it was told to leave",
+        Request::Terminate => "on the request to terminate",
     }
 }
 

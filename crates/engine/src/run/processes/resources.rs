@@ -158,7 +158,7 @@ pub(crate) fn enough_to_move(plan: &Plan) -> Result<(), RunFailure> {
     let (needs, room) = (footprint(plan), Room::now());
     if needs.services > room.free {
         return Err(RunFailure::Room(format!(
-            "shared memory: to be taken up the run needs {}, and {}",
+            "shared memory: to be resumed the run needs {}, and {}",
             mib(needs.services),
             words()
         )));
@@ -196,7 +196,7 @@ fn least(needs: &Footprint, moves: bool) -> u64 {
     needs.least() + SPARE + if moves { needs.services } else { 0 }
 }
 
-/// Checks that there is room for a run of `plan`, and reserves it in a file in `folder`. `moves` says that the run may be taken up,
+/// Checks that there is room for a run of `plan`, and reserves it in a file in `folder`. `moves` says that the run may be resumed,
 /// for which it briefly holds two places at once.
 pub(crate) fn reserve(plan: &Plan, folder: &Path, moves: bool) -> Result<Reserved, RunFailure> {
     let needs = footprint(plan);

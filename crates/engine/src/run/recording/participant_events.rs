@@ -16,7 +16,7 @@ impl Recorder {
         let last = own.activations.checked_sub(1).map(|last| own.sample_time.instant(last));
         if last.is_some_and(|last| last >= self.granted) {
             return Err(Broken(format!(
-                "{says}; it may go no further than t = {} s",
+                "{says}; it is granted no time after t = {} s",
                 self.plan.timebase.seconds(self.granted)
             )));
         }
@@ -32,7 +32,7 @@ impl Recorder {
         let says = format!("reports that it rests at t = {t} s");
         if horizon > self.granted {
             return Err(Broken(format!(
-                "{says}; it may go no further than t = {} s",
+                "{says}; it is granted no time after t = {} s",
                 self.plan.timebase.seconds(self.granted)
             )));
         }

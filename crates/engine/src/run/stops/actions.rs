@@ -46,7 +46,7 @@ pub(crate) fn attend(
     Ok(None)
 }
 
-/// Reports the failure of `fallen`, without which the run was taken up, as an ending that the run may survive.
+/// Reports the failure of `fallen`, without which the run was resumed, as an ending that the run may survive.
 pub(crate) fn fell(
     executor: &mut dyn Executor,
     run_state: &RunState,

@@ -22,13 +22,13 @@ pub(crate) fn check(duration: Rational, end: Ticks, timebase: &Timebase, options
     for (option, times) in instants {
         for &time in times {
             if time.is_negative() {
-                return refuse(option, time, "lies before the start: give 0 s or more".into());
+                return refuse(option, time, "is before the start: give 0 s or more".into());
             }
             if let Some(end) = late(time) {
                 return refuse(option, time, too_late(&end));
             }
             if let Some(begin) = begin.filter(|begin| time < *begin) {
-                let reason = format!("lies before t = {begin}, from which the run goes on: give a later time");
+                let reason = format!("is before t = {begin}, at which the run continues: give a later time");
                 return refuse(option, time, reason);
             }
         }

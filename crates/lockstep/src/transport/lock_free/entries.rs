@@ -230,7 +230,7 @@ impl EntryReceiver {
                 .map(words_of);
             batch = match longer {
                 Some(words) if batch < words && words <= new => words,
-                _ => return Err(Broken("recorded an entry that goes on behind what it committed".to_owned()).into()),
+                _ => return Err(Broken("recorded an entry that extends beyond what it committed".to_owned()).into()),
             };
         };
         self.taken += used as u64;

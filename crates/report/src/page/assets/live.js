@@ -15,11 +15,11 @@ class Live {
   bar() {
     const button = (name, title, what) => el("button", { title, onclick: what }, name);
     this.dot = el("i", { class: "dot" }); this.text = el("span", { class: "state" });
-    this.pause = button("Pause", "Come to rest as soon as possible", () => this.command({ do: this.paused ? "resume" : "pause" }));
-    this.unit = el("select", { title: "What a step is", "aria-label": "What a step is", onchange: () => { this.time.hidden = this.unit.value !== "time"; } },
+    this.pause = button("Pause", "Pause as soon as possible", () => this.command({ do: this.paused ? "resume" : "pause" }));
+    this.unit = el("select", { title: "The unit of a step", "aria-label": "The unit of a step", onchange: () => { this.time.hidden = this.unit.value !== "time"; } },
       ...this.about.participants.map((one) => el("option", { value: "of " + one.name }, `one of ${one.name}, ${show(one.period_s)} s`)), el("option", { value: "time" }, "a time"));
     this.time = el("input", { type: "text", value: "100 ms", size: 8, hidden: true, "aria-label": "Step, with its unit", title: "Such as 10 ms or 1/300 s" });
-    this.step = button("Step", "Go on by one step and come to rest", () => this.command(this.unit.value === "time"
+    this.step = button("Step", "Advance by one step and pause", () => this.command(this.unit.value === "time"
       ? { do: "step", time: this.time.value } : { do: "step", participant: this.unit.value.slice(3) }));
     this.time.addEventListener("keydown", (event) => { if (event.key === "Enter") this.step.click(); });
     const bar = document.getElementById("live");
