@@ -181,7 +181,7 @@ pub enum Recorded<'a> {
         /// The payload.
         payload: &'a [u8],
     },
-    /// A event.
+    /// A participant event.
     Event(ParticipantEvent),
 }
 

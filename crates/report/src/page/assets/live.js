@@ -82,10 +82,10 @@ class Live {
     this.step.disabled = this.unit.disabled = this.time.disabled = !state.paused;
     this.dot.dataset.state = state.paused ? (state.resting ? "paused" : "stopping") : "running";
     const at = state.paused && state.resting ? state.horizon : state.t;
-    this.say(`t = ${at.toFixed(3)} s of ${show(this.about.duration_s)} s` + (state.paused ? (state.resting ? ", at rest" : ", coming to rest") : this.rate ? `, ${this.rate.toFixed(1)} × real time` : "") + this.pace(state.pace));
+    this.say(`t = ${at.toFixed(3)} s of ${show(this.about.duration_s)} s` + (state.paused ? (state.resting ? ", paused" : ", pausing") : this.rate ? `, ${this.rate.toFixed(1)} × real time` : "") + this.pace(state.pace));
   }
 
-  /** How the pace of the wall clock is kept, and who is late. */
+  /** How the pace of the wall clock is kept, and which participants are late. */
   pace(pace) {
     if (!pace) return "";
     const late = Object.entries(pace.participants).filter(([, one]) => one.overruns > 0).sort((a, b) => b[1].overruns - a[1].overruns)
