@@ -18,17 +18,17 @@ pub struct ScenarioArgs {
     /// Change a key of the scenario, such as connections.measured.delay=10ms (may be given more than once)
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
-    /// Another program in a participant's place from the start: a file, or builtin:NAME (may be given more than once)
+    /// Substitute another program for a participant from the start: a file, or builtin:NAME (may be given more than once)
     #[arg(long, value_name = "PARTICIPANT=PROGRAM", value_parser = substitute)]
     pub substitute: Vec<(String, RunSpec)>,
     /// Add a fault, such as at=12s,until=14s,input=controller.measured,field=q[3],kind=bias,value=0.2deg (may be given
     /// more than once; docs/scenarios.md has the keys)
     #[arg(long = "fault", value_name = "KEY=VALUE,…")]
     pub fault: Vec<FaultSpec>,
-    /// The seed of every random stream, in place of the scenario's
+    /// The seed of every random stream, instead of that of the scenario
     #[arg(long)]
     pub seed: Option<u64>,
-    /// How long to simulate, in place of the scenario's, such as 5s
+    /// The simulated duration, such as 5s, instead of that of the scenario
     #[arg(long, value_parser = span)]
     pub duration: Option<Rational>,
 }
@@ -59,7 +59,7 @@ pub fn instant(text: &str) -> Result<Rational, String> {
     let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
     if time.is_negative() {
         return Err(format!(
-            "{time} lies before the start; write 0 s or a later time, such as 5s"
+            "{time} is before the start; write 0 s or a later time, such as 5s"
         ));
     }
     Ok(time)
@@ -139,38 +139,38 @@ impl ScenarioArgs {
 /// How to run a scenario, whatever it is.
 #[derive(Debug, Args)]
 pub struct HowArgs {
-    /// All participants in this process, in one loop: the same tape to the last bit
+    /// Run all participants in this process, in one loop: the tape is bit-identical
     #[arg(long)]
     pub in_process: bool,
     /// What every run takes
     #[command(flatten)]
     pub common: CommonArgs,
-    /// Keep pace with the wall clock, or with a multiple of it
+    /// Pace the run by the wall clock, or by a multiple of it: 2 is twice as fast
     #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", require_equals = true, value_parser = pace)]
     pub real_time: Option<f64>,
-    /// With --real-time: what becomes of the run when a step is complete only after the next one was due: it is counted, or the run ends
+    /// With --real-time: what happens when a step is complete only after the next one was due: it is counted and reported, or the run stops
     #[arg(long, value_name = "WHAT", default_value = "report", value_parser = overrun(), requires = "real_time")]
     pub overrun: Overrun,
-    /// Write what every participant did when (steps, waits, cores) as a trace that Perfetto opens; no more than a million spans
+    /// Write a timeline of every participant (steps, waits, cores) as a trace for Perfetto, with at most a million spans
     #[arg(long, value_name = "FILE")]
     pub trace: Option<PathBuf>,
-    /// Come to rest at this simulated time and wait for Enter (may be given more than once)
+    /// Pause at this simulated time and wait for Enter (may be given more than once)
     #[arg(long, value_name = "TIME", value_parser = instant)]
     pub pause_at: Vec<Rational>,
-    /// Show the run on a page while it goes on, with pause, step and resume; the address is printed. Takes a port, else any
-    /// that is free
+    /// Show the run on a page during the run, with pause, step and resume; the address is printed. Takes a port; without one, a
+    /// free port is chosen
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", require_equals = true)]
     pub live: Option<u16>,
     /// Keep serving the page after the end of the run, until Ctrl-C (implies --live)
     #[arg(long)]
     pub live_stay: bool,
-    /// Keep the state of the run in a file this often (simulated time), for `resume`
+    /// Save the state of the run at this interval of simulated time, for `resume`
     #[arg(long, value_name = "TIME", value_parser = span)]
     pub checkpoint_every: Option<Rational>,
-    /// Keep the state of the run in a file at this simulated time (may be given more than once)
+    /// Save the state of the run at this simulated time, for `resume` (may be given more than once)
     #[arg(long, value_name = "TIME", value_parser = instant)]
     pub checkpoint_at: Vec<Rational>,
-    /// How participants wait for each other; the result does not depend on it. Spinning is granted where each has a core
+    /// How participants wait for each other; the result does not depend on it. Spinning is granted only if each has a core of its own
     #[arg(long, default_value = "auto", value_parser = wait())]
     pub wait: Wait,
     /// Leave the choice of cores to the operating system
@@ -181,24 +181,24 @@ pub struct HowArgs {
 /// What `run`, `resume` and `replay` have in common.
 #[derive(Debug, Args)]
 pub struct CommonArgs {
-    /// The run folder; a new one under runs/ when not given, and none for a replay
+    /// The run folder; by default a new one under runs/, and none for a replay
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
-    /// Replace the run in the run folder, if there is one: only ever a run, once the new one has begun
+    /// Replace the run in the run folder, if there is one, as soon as the new run has begun; a folder with other contents is never replaced
     #[arg(long, requires = "out")]
     pub force: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
-    /// No progress line, and no result but the exit code
+    /// Print no progress and no result; only the exit code tells the result
     #[arg(long)]
     pub quiet: bool,
-    /// Give up when nothing has moved for this long, without the time in which the orchestrator itself was stopped; not used
-    /// while a replay waits for a debugger
+    /// End the run when no participant has made progress for this long, wall-clock time; the time during which the orchestrator itself was
+    /// suspended does not count. Not used while a replay waits for a debugger
     #[arg(long, value_name = "TIME", default_value = "60 s", value_parser = span)]
     pub patience: Rational,
-    /// How long each program may take to enter the run and to answer a request, in place of what the scenario says (20 s
-    /// where it says nothing)
+    /// How long each program may take to enter the run and to answer a request, instead of the value in the scenario (by
+    /// default 20 s)
     #[arg(long, value_name = "TIME", value_parser = span)]
     pub start_within: Option<Rational>,
 }
@@ -206,7 +206,7 @@ pub struct CommonArgs {
 /// Whether programs are started to be asked for their ports.
 #[derive(Debug, Args)]
 pub struct StartArgs {
-    /// Start participants that are programs of their own, to ask for their ports: what is not asked is unknown
+    /// Which external programs to start in order to query their ports; the ports of the others are unknown
     #[arg(
         long,
         value_enum,
@@ -222,11 +222,11 @@ pub struct StartArgs {
 /// When programs are started to be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Start {
-    /// Up to sixteen of them: that is done in a moment.
+    /// All of them if there are at most sixteen.
     Auto,
-    /// However many there are.
+    /// All of them.
     Always,
-    /// None.
+    /// None of them.
     Never,
 }
 

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use lockstep::control::{Note, Reply, Request};
+use lockstep::control::{ParticipantEvent, Reply, Request};
 use lockstep::participant::{Interface, Setup};
 use lockstep::time::Rational;
 use lockstep::transport::Broken;
@@ -142,7 +142,7 @@ pub fn control(bytes: &[u8]) {
     if let Ok(Reply::Described { interface }) = wire::decode::<Reply>("a reply", bytes) {
         check(&interface);
     }
-    let _ = wire::decode::<Note>("a note", bytes);
+    let _ = wire::decode::<ParticipantEvent>("a participant event", bytes);
     if let Ok(text) = std::str::from_utf8(bytes) {
         let _ = text.parse::<Address>();
         let _ = text.parse::<Rational>();

@@ -127,7 +127,7 @@ impl Observer for Terminal {
             Event::Notice { text } => self.line.notice(text),
             Event::Paused { t_s, processes } => {
                 self.line.notice(&format!(
-                    "paused at t = {t_s} s ({processes}): Enter goes on, q and Enter ends the run"
+                    "paused at t = {t_s} s ({processes}): Enter continues, q and Enter ends the run"
                 ));
                 self.asks = true;
                 self.from_s = None;

@@ -83,7 +83,7 @@ impl How {
                 // The content of the tape is copied and sealed again.
                 tape::Reader::open(&folder.tape())
                     .and_then(|tape| tape.verify())
-                    .map_err(|error| errors::tape(py, &format!("the run cannot be taken up: {error}")))?;
+                    .map_err(|error| errors::tape(py, &format!("the run cannot be resumed: {error}")))?;
                 let from = self.resume_from.as_deref().map(time).transpose()?;
                 let (checkpoint, left_out) = engine_run::checkpoint::Checkpoint::find(&folder.checkpoints(), from)
                     .map_err(|error| errors::run(py, &RunFailure::from(error)))?;

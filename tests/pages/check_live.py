@@ -49,12 +49,12 @@ def check(driver, url, run, screenshots):
     text = lambda: driver.find_element(By.CSS_SELECTOR, "#live .state").text
     button = lambda name: next(b for b in driver.find_elements(By.CSS_SELECTOR, "#live button") if b.text == name)
     # The run waits at its first stop, however long the browser took to start.
-    until("it rests at its stop", lambda: "t = 0.500 s" in text() and "at rest" in text())
+    until("it rests at its stop", lambda: "t = 0.500 s" in text() and ", paused" in text())
     first = (points(), frames())
     button("Resume").click()
     until("the curves grow", lambda: points() > first[0] + 200 and frames() > first[1] + 10)
     button("Pause").click()
-    until("it comes to rest", lambda: "at rest" in text())
+    until("it comes to rest", lambda: ", paused" in text())
     until("it says how its pace is kept", lambda: " of 2 × real time " in text() and "kept" in text())
     # The page has the last samples when it next asks for them, which on a busy machine takes a while.
     recorded = lambda: len(curves(run, "position-error")[0])

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use escapement_tests::liar::{Liar, honest_reply, run};
 use escapement_tests::parts::Push;
-use lockstep::control::{Note, Reply, Request, Timing};
+use lockstep::control::{ParticipantEvent, Reply, Request, Timing};
 use lockstep::participant::Interface;
 use lockstep::wire::encode;
 
@@ -44,34 +44,34 @@ fn act(lie: &str, liar: &mut Liar) {
         "link-nan" => payload[..8].copy_from_slice(&f64::NAN.to_le_bytes()),
         "record-size" => payload.truncate(9),
         "record-stream" => stream = Some(1 - liar.assignment.outputs[0].stream),
-        "record-nobody" => stream = Some(77),
+        "record-unknown" => stream = Some(77),
         "record-last" => header.index = u64::MAX,
         "record-twice" => liar.record_anew(),
         // It wakes no consumer: all that it sends is found all the same.
-        "wakes-nobody" => {
+        "wakes-none" => {
             liar.behave_from(LIE, liar.assignment.activations);
-            return liar.note(&Note::Finished(Timing::default()));
+            return liar.event(&ParticipantEvent::Finished(Timing::default()));
         }
         "intrudes" => {
             let _kept = liar.intrude("plant");
             return liar.behave_from(LIE, liar.assignment.activations);
         }
         // Done, after a tenth of its samples.
-        "finishes" => return liar.note(&Note::Finished(Timing::default())),
+        "finishes" => return liar.event(&ParticipantEvent::Finished(Timing::default())),
         // At rest where the plan has twice as many activations before; then with that number, which it has not done.
         "rests-early" => return liar.rest(liar.header(2 * LIE).stamp, LIE, |request| reply(lie, request)),
         "rests-short" => return liar.rest(liar.header(2 * LIE).stamp, 2 * LIE, |request| reply(lie, request)),
         "rests-beyond" => return liar.rest(liar.header(3 * LIE).stamp, 3 * LIE, |request| reply(lie, request)),
         "repeats-itself" => loop {
             let (horizon, next) = (liar.header(LIE).stamp, LIE);
-            liar.note(&Note::AtRest { horizon, next });
+            liar.event(&ParticipantEvent::AtHorizon { horizon, next });
         },
         // The activation at the very instant before which all participants are to rest.
         "past-the-horizon" => return liar.behave_from(LIE, LIE + 1),
         "steers-the-terminal" => {
             let (activation, t) = (LIE, "1\u{1b}[31m".to_owned());
             let reason = "\u{1b}[2J\0odd\nerror: all is well\rcaptured".to_owned();
-            return liar.note(&Note::Failed { activation, t, reason });
+            return liar.event(&ParticipantEvent::Failed { activation, t, reason });
         }
         "steers-in-its-log" => {
             eprint!("\u{1b}[2J\0last\nerror: all is well\n");

@@ -426,7 +426,7 @@ class Session:
         (self.offset, self.step_ticks), self.activations = sample_time, activations
         clock = self.board("clock").reader_builder().create()
         self.horizon = clock.entry(ctypes.c_uint64(0), ctypes.c_int64)
-        self.order = clock.entry(ctypes.c_uint64(1), ctypes.c_uint64)
+        self.command = clock.entry(ctypes.c_uint64(1), ctypes.c_uint64)
         self.inputs, self.outputs, self.others = inputs, outputs, {}
         for link in inputs:
             link["message"] = self.model.inputs[link["port"]][1]
@@ -440,7 +440,7 @@ class Session:
         self.record = Record(self.ring(f"record/{name}"), room)
         self.payloads = [bytes(message.size) for _, message, _ in self.model.inputs]
         self.values = [(0,) * len(struct.unpack(m.format, bytes(m.size))) for _, m in self.model.outputs]
-        self.next, self.initialised, self.rests_at, self.recalled = 0, False, -(2**63), False
+        self.next, self.initialised, self.rests_at, self.paused = 0, False, -(2**63), False
 
     def ring(self, name):
         samples = self.service(name).publish_subscribe(iox2.Slice[Line])
@@ -457,8 +457,8 @@ class Session:
             if asleep.get().decode_as(ctypes.c_uint64).value:
                 notifier.notify()
 
-    def ordered(self):
-        return self.order.get().decode_as(ctypes.c_uint64).value
+    def commanded(self):
+        return self.command.get().decode_as(ctypes.c_uint64).value
 
     def say(self, activity, first=0, second=0):
         self.row.update_with_copy(Row(self.next, activity, first, second))
@@ -468,7 +468,7 @@ class Session:
         self.say(activity, first, second)
         self.wake()
         os.sched_yield()
-        if self.ordered() == 1:
+        if self.commanded() == 1:
             sys.exit(0)
 
     def instant(self, k):
@@ -512,7 +512,7 @@ class Session:
                     self.wait(3, output, position)
         self.wake()
 
-    def note(self, payload):
+    def event(self, payload):
         self.record.append([(NOTE, 0, 0, payload)], lambda: self.wait(4))
 
     def advance(self, horizon):
@@ -522,7 +522,7 @@ class Session:
             self.model.initialise(self.seconds(self.offset), self.values)
             if self.model.kind == CONTINUOUS and self.activations > 0:
                 self.publish(0)
-        while self.next < self.activations and self.instant(self.next) < horizon and self.ordered() == 0:
+        while self.next < self.activations and self.instant(self.next) < horizon and self.commanded() == 0:
             for number, link in enumerate(self.inputs):
                 self.fetch(number, link)
             inputs = [struct.unpack(m.format, payload) for (_, m, _), payload in zip(self.model.inputs, self.payloads)]
@@ -532,10 +532,10 @@ class Session:
             self.say(1)
         if self.next >= self.activations:
             self.say(6)
-            self.note(struct.pack("<IQQ", 0, 0, len(self.inputs)) + bytes(8 * (len(self.inputs) + 4)))
+            self.event(struct.pack("<IQQ", 0, 0, len(self.inputs)) + bytes(8 * (len(self.inputs) + 4)))
         elif self.instant(self.next) >= horizon:
             self.say(5)
-            self.note(struct.pack("<IqQ", 1, horizon, self.next))
+            self.event(struct.pack("<IqQ", 1, horizon, self.next))
         else:
             return
         self.rests_at = horizon
@@ -546,21 +546,21 @@ class Session:
             if self.record is None:
                 os.sched_yield()
                 continue
-            order, horizon = self.ordered(), self.horizon.get().decode_as(ctypes.c_int64).value
-            if order == 1:
+            command, horizon = self.commanded(), self.horizon.get().decode_as(ctypes.c_int64).value
+            if command == 1:
                 return
-            if order == 2 and not self.recalled:
-                self.recalled = True
+            if command == 2 and not self.paused:
+                self.paused = True
                 self.say(5)
-                self.note(struct.pack("<IQ", 3, self.next))
-            if self.recalled or horizon in (-(2**63), self.rests_at):
+                self.event(struct.pack("<IQ", 3, self.next))
+            if self.paused or horizon in (-(2**63), self.rests_at):
                 self.listener.timed_wait(iox2.Duration.from_millis(20))
                 continue
             try:
                 self.advance(horizon)
             except Exception as error:
                 t = str(self.seconds(self.instant(self.next)))
-                self.note(struct.pack("<IQ", 2, self.next) + text(t) + text(f"{error}"[:6000]))
+                self.event(struct.pack("<IQ", 2, self.next) + text(t) + text(f"{error}"[:6000]))
                 raise
 
 

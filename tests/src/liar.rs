@@ -4,12 +4,12 @@ use std::cell::RefCell;
 use std::process::{ExitCode, exit};
 use std::rc::Rc;
 
-use lockstep::control::{Note, PROTOCOL, Reply, Request};
+use lockstep::control::{PROTOCOL, ParticipantEvent, Reply, Request};
 use lockstep::participant::{Interface, Kind};
 use lockstep::plan::Assignment;
 use lockstep::time::Ticks;
 use lockstep::transport::iceoryx::{
-    ClockReader, ControlServer, Domain, LinkReceiver, LinkSender, LinkService, Order, RecordSender, SharedRecord,
+    ClockReader, Command, ControlServer, Domain, LinkReceiver, LinkSender, LinkService, RecordSender, SharedRecord,
     Sleeper, StatusWriter,
 };
 use lockstep::transport::{Header, Receiver, Recording, Sender};
@@ -100,7 +100,7 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
         nap();
     }
     act(&mut liar);
-    while liar.clock.order() == Order::GoOn {
+    while liar.clock.command() == Command::Run {
         nap();
     }
     ExitCode::SUCCESS
@@ -147,16 +147,16 @@ impl Liar {
         }
     }
 
-    /// Reports `note` about itself.
-    pub fn note(&mut self, note: &Note) {
-        while !self.record.0.borrow_mut().note(note).expect("a record") {
+    /// Reports `event` about itself.
+    pub fn event(&mut self, event: &ParticipantEvent) {
+        while !self.record.0.borrow_mut().event(event).expect("a record") {
             self.look();
         }
     }
 
     /// Pauses at `horizon` with activation `next` to come, and answers requests with `reply` from then on.
     pub fn rest(&mut self, horizon: Ticks, next: u64, reply: impl Fn(&Request) -> Option<Vec<u8>>) {
-        self.note(&Note::AtRest { horizon, next });
+        self.event(&ParticipantEvent::AtHorizon { horizon, next });
         loop {
             let served = self.control.serve_bytes(|bytes| {
                 let request = wire::decode("a request", bytes).expect("the orchestrator keeps to the protocol");
@@ -196,7 +196,7 @@ impl Liar {
 
     fn look(&self) {
         std::thread::yield_now();
-        if self.clock.order() != Order::GoOn {
+        if self.clock.command() != Command::Run {
             exit(0);
         }
     }

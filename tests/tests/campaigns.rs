@@ -480,7 +480,7 @@ set = {{ "guards.weak" = {{ output = "damper.push", field = "force", range = "[-
 }
 
 #[test]
-fn nobody_works_in_a_folder_beside_another() {
+fn campaign_folder_is_used_by_one_program_at_a_time() {
     let folder = Folder::new("beside");
     let out = folder.path().join("sweep");
     let arguments = ["sweep", CLOSE, "--out", text(&out), "--vary", "seed=1..1000", "--quiet"];

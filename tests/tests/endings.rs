@@ -454,7 +454,7 @@ fn as_many_files_are_opened_as_the_system_grants() {
 }
 
 #[test]
-fn a_pause_stops_everybody_before_the_instant() {
+fn pause_stops_all_participants_before_the_instant() {
     let folder = Folder::new("pause");
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");

@@ -43,7 +43,7 @@ fn field_that_does_not_fit_is_refused_with_key_value_and_remedy() {
         ),
         (
             "{ position = { from = \"h\", factor = true }, velocity = \"v\" }",
-            &["factor `true` is no number"],
+            &["factor `true` is not a number"],
         ),
         (
             "{ position = { from = \"h\", offset = 3 }, velocity = \"v\" }",
@@ -63,7 +63,7 @@ fn field_that_does_not_fit_is_refused_with_key_value_and_remedy() {
             &["what a sum adds up are fields"],
         ),
         ("{}", &["is empty"]),
-        ("7", &["`7` is no map", "by-name"]),
+        ("7", &["`7` is not a map", "by-name"]),
         ("\"by-name\"", &["no field or element `position`"]),
     ] {
         refused(&[&map(entry)], words);

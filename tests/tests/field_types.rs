@@ -223,7 +223,7 @@ fn what_makes_no_sense_of_texts_is_refused() {
             "connections.beacon.initial={ frame = \"0g\" }".into(),
             "write them in hexadecimal",
         ),
-        ("connections.beacon.initial={ phase = 3 }".into(), "`3` is no text"),
+        ("connections.beacon.initial={ phase = 3 }".into(), "`3` is not a text"),
         (
             "guards.alive.never=\"idle\"".into(),
             "has neither a range nor named values: it can be guarded with `frozen-for` alone",
@@ -349,7 +349,7 @@ fn what_makes_no_sense_of_names_is_refused() {
         ),
         (
             "connections.order.initial={ seen_full = 2 }",
-            "`2` is no truth value: write true or false",
+            "`2` is not a truth value: write true or false",
         ),
         (
             "faults=[{ at = \"1 s\", output = \"tank.gauge\", field = \"full\", kind = \"bias\", value = 1 }]",

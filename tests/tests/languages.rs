@@ -190,7 +190,7 @@ fn plugins_resume_and_hand_over_from_language_to_language() {
 }
 
 #[test]
-fn faults_act_on_plugins_as_on_anybody() {
+fn faults_act_on_plugins_as_on_other_participants() {
     let folder = Folder::new("plugin-faults");
     let path = |name: &str| folder.path().join(name);
     let faults = [

@@ -65,10 +65,7 @@ fn arrows_only_point_down() {
                 ));
             }
             if !arrows.contains_key(dependency.as_str()) {
-                wrong.push(format!(
-                    "  {} links {dependency}, which is nobody's library",
-                    package.name
-                ));
+                wrong.push(format!("  {} links {dependency}, which is not a library", package.name));
             }
         }
     }

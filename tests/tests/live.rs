@@ -257,7 +257,7 @@ fn hostile() -> [(&'static str, String, u16); 10] {
 }
 
 #[test]
-fn nobody_else_can_see_or_steer_the_run() {
+fn only_clients_with_the_address_see_or_steer_the_run() {
     let folder = Folder::new("live-hostile");
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");

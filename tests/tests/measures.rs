@@ -303,6 +303,14 @@ fn a_finished_tape_is_asked() {
         (&["max", "--at-most", "3"][..], "--at-most: `3` has no unit"),
         (&["max", "--minus", "light.motion.position"], "--minus: "),
         (&["percentile"], "`percent` is missing"),
+        (
+            &["max", "--minus", "light.motoin.velocity"],
+            "--minus: there is no stream `light.motoin`; there is ",
+        ),
+        (
+            &["max", "--minus", "light"],
+            "--minus: `light` is not a field of a stream",
+        ),
     ] {
         let asked = ask(&run, &[&of[..], more].concat());
         assert_eq!(asked.code, Some(2), "{asked:?}");
@@ -314,7 +322,7 @@ fn a_finished_tape_is_asked() {
     let asked = ask(&run, &["--measures", text(&root().join("examples/lander/lander.toml"))]);
     assert_eq!(asked.code, Some(2), "{asked:?}");
     assert!(
-        asked.err.contains("lander.toml:") && asked.err.contains("there are") | asked.err.contains("the streams are"),
+        asked.err.contains("lander.toml:") && asked.err.contains("there is no stream `lander."),
         "{asked:?}"
     );
 }

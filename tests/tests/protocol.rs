@@ -2,7 +2,7 @@
 
 use escapement_tests::parts::Damper;
 use escapement_tests::program::root;
-use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
+use lockstep::control::{PROTOCOL, ParticipantEvent, Reply, Request, Timing};
 use lockstep::fault::{Effect, LinkFault, Place, SignalFault, Slot, Span};
 use lockstep::link::{self, Conversion, Pair, Term};
 use lockstep::participant::{Input, Interface, Kind, Participant};
@@ -30,7 +30,7 @@ fn hex(bytes: &[u8]) -> String {
 fn examples() -> Vec<(&'static str, Vec<u8>)> {
     let request = |request: Request| encode("a request", &request).unwrap();
     let reply = |reply: Reply| encode("a reply", &reply).unwrap();
-    let note = |note: Note| encode("a note", &note).unwrap();
+    let event = |event: ParticipantEvent| encode("a participant event", &event).unwrap();
     vec![
         (
             "Request Hello, protocol 7",
@@ -69,16 +69,19 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
         ("Reply Done", reply(Reply::Done)),
         ("Reply State, none", reply(Reply::State(None))),
         (
-            "Note AtRest, horizon 1000, next activation 100",
-            note(Note::AtRest {
+            "Participant event AtHorizon, horizon 1000, next activation 100",
+            event(ParticipantEvent::AtHorizon {
                 horizon: 1000,
                 next: 100,
             }),
         ),
-        ("Note Recalled, next activation 100", note(Note::Recalled { next: 100 })),
         (
-            "Note Finished, one link in, 1 ns in total, all else zero",
-            note(Note::Finished(Timing {
+            "Participant event Paused, next activation 100",
+            event(ParticipantEvent::Paused { next: 100 }),
+        ),
+        (
+            "Participant event Finished, one link in, 1 ns in total, all else zero",
+            event(ParticipantEvent::Finished(Timing {
                 total_ns: 1,
                 inputs_ns: vec![0],
                 ..Timing::default()

@@ -52,7 +52,7 @@ fn false_rest_note_is_refused_before_a_checkpoint() {
             "rests-short",
             "at t = 2 s, and has recorded 100 samples of `damper.push` where the plan has 200",
         ),
-        ("rests-beyond", "at t = 3 s; it may go no further than t = 2 s"),
+        ("rests-beyond", "at t = 3 s; it is granted no time after t = 2 s"),
     ] {
         let (folder, _) = caught_with(
             lie,
@@ -80,7 +80,7 @@ fn consumer_finds_samples_although_no_notifier_wakes_it() {
     let folder = Folder::new("wakes");
     let scenario = oscillator(&folder, "damper");
     let run = format!(
-        "participants.damper.run={{ exe = '{}', args = ['wakes-nobody'] }}",
+        "participants.damper.run={{ exe = '{}', args = ['wakes-none'] }}",
         participant("lies").display()
     );
     let out = folder.path().join("run");
@@ -108,7 +108,7 @@ fn sample_past_the_granted_time_is_refused() {
         &["--pause-at", "1 s"],
         &[
             "`damper`: recorded sample #100 of `damper.push`",
-            "it may go no further than t = 1 s",
+            "it is granted no time after t = 1 s",
         ],
     );
 }
@@ -180,7 +180,7 @@ fn a_false_record_is_refused_and_its_author_named() {
     caught("record-stamp", &[of, "sample #100 stamped", "its stamp must be 1 s"]);
     caught("record-size", &[of, "damper.push", "9", "16"]);
     caught("record-stream", &[of, "which is not its own"]);
-    caught("record-nobody", &[of, "stream 77, which is not its own"]);
+    caught("record-unknown", &[of, "stream 77, which is not its own"]);
     caught("record-last", &[of, "18446744073709551615"]);
 }
 

@@ -141,7 +141,7 @@ fn what_needs_the_rest_is_refused() {
 }
 
 #[test]
-fn wishes_that_do_not_fit_are_refused_with_file_and_key() {
+fn entries_that_do_not_fit_are_refused_with_file_and_key() {
     let world = World::new("recorded-wrong", "damper");
     let scenario = std::fs::read_to_string(&world.scenario).unwrap();
     for (record, key, part) in [
@@ -241,4 +241,24 @@ fn exports_choose_streams_fields_and_times() {
     assert_eq!(said.code, Some(0), "{said:?}");
     let packed = std::fs::metadata(to.join("run.mcap")).unwrap().len() as usize;
     assert!(packed < plain, "{packed} of {plain}");
+}
+
+#[test]
+fn measure_names_the_stream_that_the_tape_lacks() {
+    let folder = Folder::new("recorded-nothing");
+    let (nothing, part) = (folder.path().join("nothing"), folder.path().join("part"));
+    let off = ["record.plant=false", "record.controller=false", "record.guidance=false"];
+    let off: Vec<&str> = off.iter().flat_map(|one| ["--set", one]).collect();
+    close(&nothing, &[&["--in-process"], &off[..]].concat());
+    close(&part, &[&["--in-process"], &off[..2]].concat());
+    let of = ["--of", "plant.truth.relative_speed", "--compute", "max"];
+    for (run, said) in [
+        (&nothing, "nothing: the tape has no stream, so nothing can be measured"),
+        (&part, "--of: there is no stream `plant.truth`; there is `controller."),
+        (&part, "if [record] leaves its stream out"),
+    ] {
+        let asked = orchestrate(&[&["measure", text(run)], &of[..]].concat());
+        assert_eq!(asked.code, Some(2), "{asked:?}");
+        assert!(asked.err.contains(said), "`{said}` is not in {}", asked.err);
+    }
 }

@@ -55,6 +55,20 @@ fn an_unknown_parameter() {
 }
 
 #[test]
+fn title_with_control_characters_is_refused_and_escaped() {
+    let title = "title = \"Close capture";
+    for (written, shown) in [("\\n", "\\n"), ("\\u001b[31m", "\\u{1b}"), ("\\u2028", "\\u{2028}")] {
+        let line = format!(": title: \"{shown}");
+        let to = title.replace("\"Close", &format!("\"{written}Close"));
+        refused(
+            title,
+            &to,
+            &["changed.toml:", &line, "write one line without control characters"],
+        );
+    }
+}
+
+#[test]
 fn a_wrong_unit() {
     refused(
         "period = \"1 ms\"",

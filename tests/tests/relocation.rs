@@ -161,7 +161,7 @@ fn who_dies_when_asked_to_move_is_replaced_where_it_was() {
     assert_eq!(world.count("run", 999), 900);
     let events = world.events("run");
     assert!(
-        events.contains("activation 100 from afresh: the one before was ended"),
+        events.contains("activation 100 from its initial state: the one before was ended"),
         "{events}"
     );
     assert_eq!(events.matches("\"substitution\"").count(), 2, "{events}");
@@ -184,10 +184,7 @@ fn who_dies_on_every_way_back_is_given_up() {
         ],
     );
     assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(
-        said.err.contains("taken up again 5 times without getting any further"),
-        "{said:?}"
-    );
+    assert!(said.err.contains("restarted 5 times without progress"), "{said:?}");
     // Nothing is lost: the results from before its first death are there.
     assert_eq!(world.prefix("run"), 450);
 }

@@ -111,7 +111,7 @@ fn a_tape_cut_short_is_replayed_as_far_as_it_reaches() {
         notes.contains("5000 samples of plant.motion") && notes.contains("t = 5 s"),
         "{notes}"
     );
-    assert!(notes.contains("200 samples where the tape ends"), "{notes}");
+    assert!(notes.contains("200 samples more than the tape"), "{notes}");
     cut("plant.motion.bin", 0);
     let said = replay(&run, "damper", &[]);
     assert_eq!(said.code, Some(2), "{said:?}");
@@ -241,9 +241,9 @@ fn branch_is_replayed_where_its_own_plan_made_it() {
     let said = replay(&branch, "guidance", &[]);
     assert_eq!(said.code, Some(2), "{said:?}");
     for part in [
-        "taken up with changes at t = 500 ms",
+        "resumed with changes at t = 500 ms",
         "`guidance` differs",
-        "replay the run that this one was taken up from",
+        "replay the run from which this one was resumed",
     ] {
         assert!(said.err.contains(part), "{said:?}");
     }
@@ -278,5 +278,30 @@ fn a_tape_with_a_part_of_what_is_needed_is_refused_by_name() {
         for part in ["`record` leaves out samples of `", does, "record the stream whole"] {
             assert!(said.err.contains(part), "{said:?}");
         }
+    }
+}
+
+#[test]
+fn replay_without_a_sample_to_compare_is_no_success() {
+    let folder = Folder::new("replay-nothing");
+    for (set, reason) in [
+        ("record.controller=false", "the tape has no output of `controller`"),
+        (
+            "participants.controller.offset=200 ms",
+            "the tape has no sample of `controller`",
+        ),
+    ] {
+        let run = recorded(
+            &folder,
+            &root().join("scenarios/close.toml"),
+            &["--duration", "100 ms", "--force", "--in-process", "--set", set],
+        );
+        let said = replay(&run, "controller", &[]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        let error = format!("error: nothing was compared: {reason}");
+        assert!(said.err.contains(&error), "{said:?}");
+        assert!(said.json()["comparison"].is_null(), "{said:?}");
+        let words = orchestrate(&["replay", text(&run), "--participant", "controller"]);
+        assert!(!words.out.contains("identical"), "{words:?}");
     }
 }

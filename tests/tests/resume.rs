@@ -103,6 +103,11 @@ fn branch_without_a_change_is_the_run_itself() {
         assert_eq!(said.code, Some(0), "{said:?}");
         world.same_as_undisturbed(&name);
     }
+    // An instant that rounds up to the end is refused with the option that named it.
+    let said = world.resume("saved", "late", &["--from", "9.9995 s", "--set", "title=Unchanged"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("error: --from 9999500 us"), "{said:?}");
+    assert!(!said.err.contains("--checkpoint-at"), "{said:?}");
 }
 
 /// A branch is killed on the way to its start: the folder that it uses for that is found and removed, and not before.
@@ -327,7 +332,7 @@ fn who_fails_again_and_again_is_given_up() {
     let said = world.run("run", &["--set", policy]);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(
-        said.err.contains("signal 6") && said.err.contains("taken up again 5 times"),
+        said.err.contains("signal 6") && said.err.contains("restarted 5 times"),
         "{said:?}"
     );
     assert_eq!(world.prefix("run"), 200);
@@ -345,7 +350,7 @@ fn who_does_something_else_after_a_restart_is_named() {
 }
 
 #[test]
-fn a_substitute_takes_over_from_whoever_fails() {
+fn substitute_takes_over_from_the_failed_participant() {
     for bad in ["crash_at", "hangs", "nan", "panics", "exit_at"] {
         let world = World::new(bad, bad);
         let good = participant("damper");
@@ -376,7 +381,7 @@ fn a_substitute_in_mid_run_starts_afresh_or_keeps_the_state() {
     assert_eq!(world.count("run", 999), 799);
     let events = world.events("run");
     assert!(
-        events.contains("\"substitution\"") && events.contains("activation 201 from afresh"),
+        events.contains("\"substitution\"") && events.contains("activation 201 from its initial state"),
         "{events}"
     );
 

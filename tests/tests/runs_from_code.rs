@@ -137,7 +137,8 @@ fn loop_that_is_closed_from_code_is_the_same_everywhere_and_is_repeated() {
         unverified: false,
     });
     let found = replay.unwrap().run(&into_folder(&folder, "replayed", true)).unwrap();
-    assert!(found.comparison.identical, "{:?}", found.comparison);
+    let comparison = found.comparison.expect("samples are compared");
+    assert!(comparison.identical, "{comparison:?}");
 }
 
 #[test]

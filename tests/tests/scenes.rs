@@ -81,7 +81,7 @@ fn what_does_not_fit_a_scene_is_refused_with_line_key_value_and_remedy() {
         (
             "\"#3366cc\"",
             "\"blue\"",
-            "wrong.toml:29: scene.bodies.first.colour: `blue` is no colour: write red, green and blue in hexadecimal",
+            "wrong.toml:29: scene.bodies.first.colour: `blue` is not a colour: write red, green and blue in hexadecimal",
         ),
         (
             "\"flag.urdf\"",

@@ -77,7 +77,7 @@ fn shortened_stream_is_refused_by_export() {
     let said = orchestrate(&["export", text(&world.path("undisturbed")), "--to", "parquet"]);
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(
-        said.err.contains("it has 999 samples, and seal.json says 1000 samples"),
+        said.err.contains("it has 999 samples, and seal.json has 1000 samples"),
         "{said:?}"
     );
 }

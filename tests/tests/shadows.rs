@@ -84,6 +84,23 @@ fn the_first_difference_and_the_largest_of_each_field_are_told() {
 }
 
 #[test]
+fn shadow_without_a_sample_to_compare_is_not_identical() {
+    let folder = Folder::new("nothing");
+    let (scenario, out) = (root().join("scenarios/close.toml"), folder.path().join("run"));
+    let common = ["run", text(&scenario), "--out", text(&out), "--in-process", "--json"];
+    let more = ["--duration", "100 ms", "--set", "record.controller=false"];
+    let shadow = ["--shadow", "controller=builtin:controller"];
+    let said = orchestrate(&[&common[..], &more, &shadow].concat());
+    let found = &said.json()["shadows"][0];
+    let refused = found["refused"].as_str().unwrap_or_default();
+    assert!(
+        refused.contains("nothing was compared: the tape has no output"),
+        "{found}"
+    );
+    assert!(found.get("comparison").is_none(), "{found}");
+}
+
+#[test]
 fn the_death_of_a_shadow_does_not_end_the_run() {
     for (shadow, words) in [("crash_at", "abort"), ("panics", "panicked"), ("nan", "finite")] {
         let folder = Folder::new(shadow);

@@ -228,10 +228,14 @@ fn refused(spec: ScenarioSpec) -> ScenarioError {
 #[test]
 fn mistakes_in_code_name_the_key_the_value_and_the_remedy() {
     type Change = fn(&mut ScenarioSpec);
-    let cases: [(Change, &str); 13] = [
+    let cases: [(Change, &str); 14] = [
         (
             |spec| spec.duration = "soon".into(),
             "loop.toml: duration: `soon` is not a time: write a number and a unit",
+        ),
+        (
+            |spec| spec.title = "One\nTwo".into(),
+            "loop.toml: title: \"One\\nTwo\" has the control character '\\n': write one line without control characters",
         ),
         (
             |spec| spec.participants["damper"].period = Time::default(),
@@ -251,7 +255,7 @@ fn mistakes_in_code_name_the_key_the_value_and_the_remedy() {
         ),
         (
             |spec| spec.faults[0].at = "-1 s".into(),
-            "loop.toml: faults.fault-1.at: -1 s lies before the start",
+            "loop.toml: faults.fault-1.at: -1 s is before the start",
         ),
         (
             |spec| spec.faults[1].input = Some("plant.push".into()),

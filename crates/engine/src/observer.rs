@@ -28,7 +28,7 @@ pub enum Event<'a> {
         /// Whether more points may follow, depending on the results of these.
         grows: bool,
     },
-    /// Something that a user should see; the run goes on.
+    /// Something that a user should see; the run continues.
     Notice {
         /// One or more lines.
         text: &'a str,

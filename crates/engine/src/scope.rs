@@ -49,7 +49,7 @@ pub enum ScopeError {
         source: io::Error,
     },
     /// The participants were moved too often.
-    #[error("the run was taken up {} times: it has no place left in shared memory; what fails again and again is not mended by a restart", PLACES - 1)]
+    #[error("the run was restarted {} times, and no address is left in shared memory: correct the cause of the failure, which a restart does not remove", PLACES - 1)]
     Exhausted,
 }
 

@@ -204,7 +204,10 @@ impl Shadow {
                 account.ending = Some(found.ending);
                 account.to_s = Some(found.to_s);
                 account.notes = found.notes;
-                account.comparison = Some(found.comparison);
+                match found.comparison {
+                    Ok(comparison) => account.comparison = Some(comparison),
+                    Err(reason) => account.refused = Some(reason),
+                }
             }
             Err(error) => account.refused = Some(error.to_string()),
         }

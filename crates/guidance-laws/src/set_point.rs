@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_nobody_sent_is_no_set_point() {
+    fn message_of_zeros_or_nan_is_no_set_point() {
         assert!(SetPoint::from_raw([0.0; 3], [0.0; 4], [0.0; 3], [0.0; 3]).is_none());
         assert!(SetPoint::from_raw([0.0; 3], [1.0, 0.0, 0.0, 0.0], [f64::NAN; 3], [0.0; 3]).is_none());
         assert!(SetPoint::from_raw([f64::NAN; 3], [1.0, 0.0, 0.0, 0.0], [0.0; 3], [0.0; 3]).is_none());

@@ -46,7 +46,7 @@ pub enum Request {
     /// Asks for the state. Only at rest.
     Save,
     /// Leave all links and enter the run again at this address, with the model as it is. Only at rest. Without an address: another
-    /// participant replaces this one, and the clock will order to leave; a participant that refuses this request leaves as well.
+    /// participant replaces this one, and the clock will command to terminate; a participant that refuses this request leaves as well.
     Move {
         /// The new address, in the form of the environment variable, or empty.
         address: String,
@@ -107,18 +107,18 @@ impl Waiting {
     /// For many participants that share a core. Every yield passes through all participants that yield, so a hand-off among N of them
     /// costs up to N yields; those with a long wait must sleep for the cost to stay linear. A hand-off to the next participant takes two
     /// yields.
-    pub const CROWD: Waiting = Waiting { spins: 0, yields: 2 };
+    pub const OVERSUBSCRIBED: Waiting = Waiting { spins: 0, yields: 2 };
     /// For long pauses and machines with other work to do.
     pub const SLEEP: Waiting = Waiting { spins: 0, yields: 0 };
 }
 
 /// A participant's message to the recorder between its samples.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Note {
-    /// All activations are complete, and there are no samples after those before this note.
+pub enum ParticipantEvent {
+    /// All activations are complete, and there are no samples after those before this event.
     Finished(Timing),
-    /// At rest: the next activation lies at or past this horizon, ticks.
-    AtRest {
+    /// The next activation is at or past this horizon, ticks.
+    AtHorizon {
         /// The horizon.
         horizon: i64,
         /// The next activation.
@@ -133,8 +133,8 @@ pub enum Note {
         /// Why.
         reason: String,
     },
-    /// At rest at the current activation by order of the clock; there are no samples after those before this note.
-    Recalled {
+    /// Paused at the current activation by a command of the clock; there are no samples after those before this event.
+    Paused {
         /// The next activation.
         next: u64,
     },

@@ -59,7 +59,7 @@ proptest! {
         for stop in stops {
             run.run_to(stop, |_| {}).unwrap();
             for stepper in run.steppers() {
-                // At rest, everybody has done exactly the steps before the horizon.
+                // At rest, every participant has done exactly the steps before the horizon.
                 let own = stepper.assignment();
                 prop_assert_eq!(stepper.next_activation(), own.sample_time.count_before(stop));
             }
@@ -157,7 +157,7 @@ proptest! {
     }
 
     #[test]
-    fn taken_up_again_wherever_everybody_happened_to_be_it_is_the_same_run(
+    fn resume_from_any_positions_is_the_same_run(
         world in worlds(),
         turns in prop::collection::vec(0_usize..6, 0..200),
     ) {

@@ -4,7 +4,7 @@ mod place;
 
 use std::collections::VecDeque;
 
-use lockstep::control::Note;
+use lockstep::control::ParticipantEvent;
 use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
 use lockstep::transport::{Broken, Header, Receiver, Recording, Sender, local};
 use place::Place;
@@ -152,16 +152,16 @@ fn a_record_brings_every_entry_whole_and_in_order_however_the_recorder_lags() {
         let sender = RecordSender::open(&place.domain, "plant", 0, &sizes, 1 << 14).expect("the recorder is there");
         let mut sender = SharedRecord(std::rc::Rc::new(std::cell::RefCell::new(sender)));
         let due: Vec<(u32, usize)> = (0..).zip(sizes).collect();
-        let (mut expected, mut next, mut notes) = (VecDeque::new(), 0, 0);
+        let (mut expected, mut next, mut events) = (VecDeque::new(), 0, 0);
         let mut take = |expected: &mut VecDeque<(u32, Header, Vec<u8>)>| {
             receiver.receive(|entry| {
                 match entry {
                     Recorded::Sample { stream, header, payload } => {
                         assert_eq!(Some((stream, header, payload.to_vec())), expected.pop_front());
                     }
-                    Recorded::Note(note) => {
-                        assert_eq!(note, Note::Recalled { next: notes });
-                        notes += 1;
+                    Recorded::Event(event) => {
+                        assert_eq!(event, ParticipantEvent::Paused { next: events });
+                        events += 1;
                     }
                 }
                 Ok::<(), Broken>(())
@@ -179,7 +179,7 @@ fn a_record_brings_every_entry_whole_and_in_order_however_the_recorder_lags() {
                 sender.commit();
             }
             next += lag;
-            while !sender.0.borrow_mut().note(&Note::Recalled { next: round })? {
+            while !sender.0.borrow_mut().event(&ParticipantEvent::Paused { next: round })? {
                 prop_assert!(take(&mut expected)?, "a full record has something to take");
             }
             take(&mut expected)?;

@@ -137,7 +137,7 @@ fn table_is_the_participant_that_it_was_made_of() {
     assert_eq!(foreign.interface(), interface);
     let mut inputs = Inputs::zeroed(&interface);
     let (mut one, mut two) = (Outputs::zeroed(&interface), Outputs::zeroed(&interface));
-    // What nobody writes keeps its value.
+    // A field that no call writes keeps its value.
     one.get_mut::<Value>(1).value = 7.0;
     two.get_mut::<Value>(1).value = 7.0;
     own.initialise(0.5, &mut one).unwrap();

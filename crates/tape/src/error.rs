@@ -119,7 +119,7 @@ pub enum AppendError {
         expected: u64,
     },
     /// The stamp is not the instant that belongs to the index.
-    #[error("stream `{stream}`, sample {index}: stamped {stamp_s:?} s, but its sample time says {expected_s:?} s")]
+    #[error("stream `{stream}`, sample {index}: stamped {stamp_s:?} s, but its sample time requires {expected_s:?} s")]
     Stamp {
         /// The stream.
         stream: String,
@@ -131,7 +131,7 @@ pub enum AppendError {
         expected_s: f64,
     },
     /// The payload has the wrong size.
-    #[error("stream `{stream}`, sample {index}: {size} bytes came, its descriptor says {expected}")]
+    #[error("stream `{stream}`, sample {index}: {size} bytes came, its descriptor has {expected}")]
     Size {
         /// The stream.
         stream: String,
@@ -205,7 +205,7 @@ pub enum ReadError {
         reason: String,
     },
     /// A stream differs from what was sealed when the run ended.
-    #[error("{}: stream `{stream}` is damaged: it has {found}, and seal.json says {sealed}; take the tape from another copy, or run again", path.display())]
+    #[error("{}: stream `{stream}` is damaged: it has {found}, and seal.json has {sealed}; take the tape from another copy, or run again", path.display())]
     Altered {
         /// The file.
         path: PathBuf,

@@ -22,7 +22,7 @@ struct Spring {
     now: Motion,
 }
 
-/// What the scenario may say below `parameters`.
+/// The parameters that the scenario gives.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameters {

@@ -32,7 +32,7 @@ pub fn deaths(count: usize, out: &Path, mut run: impl FnMut() -> anyhow::Result<
             (Some(killed), Ending::Failed { .. }) => {
                 figures.add(1e3 * outcome.known.saturating_duration_since(killed).as_secs_f64());
             }
-            (_, ending) => anyhow::bail!("nobody was killed: {ending:?}"),
+            (_, ending) => anyhow::bail!("no participant was killed: {ending:?}"),
         }
         std::fs::remove_dir_all(out)?;
     }

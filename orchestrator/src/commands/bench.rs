@@ -15,13 +15,13 @@ use engine::scope::Scope;
 pub struct BenchArgs {
     /// Measure this scenario too, such as scenarios/close.toml
     pub scenario: Option<PathBuf>,
-    /// How often each is measured
+    /// The number of rounds in which each ratio is measured
     #[arg(long, default_value_t = 11)]
     pub rounds: usize,
-    /// The largest ring
+    /// The number of participants in the largest ring
     #[arg(long, default_value_t = 64)]
     pub participants: usize,
-    /// How many participants are killed to see how soon that is known
+    /// The number of participants that are killed, to measure how soon this is detected
     #[arg(long, default_value_t = 100)]
     pub deaths: usize,
 }

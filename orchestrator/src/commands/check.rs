@@ -19,7 +19,7 @@ pub struct CheckArgs {
     /// The scenario
     #[command(flatten)]
     pub scenario: ScenarioArgs,
-    /// Which programs to ask
+    /// The programs to query
     #[command(flatten)]
     pub start: StartArgs,
     /// Print the result as JSON

@@ -13,20 +13,20 @@ use crate::catalogue::catalogue;
 /// On which machines.
 #[derive(Debug, Args)]
 pub struct ClusterArgs {
-    /// Let an engine run the shards on other machines: shell prints a command line for each, slurm and hyperqueue get jobs. The same command
-    /// again gives what is missing once more, and makes the table when all are complete
+    /// Run the shards on other machines through an engine: shell prints a command line for each shard; slurm and hyperqueue receive jobs. The
+    /// same command again submits what is missing, and writes the table when all shards are complete
     #[arg(long, value_name = "ENGINE", conflicts_with_all = ["shard", "keep", "json"])]
     pub on: Option<Engine>,
-    /// How many shards; as many as before when not given, or 16
+    /// The number of shards; by default as many as before, or 16
     #[arg(long, value_name = "COUNT", requires = "on", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub shards: Option<u32>,
     /// Options for the engine, such as '--partition=long --time=2:00:00' (may be given more than once)
     #[arg(long, value_name = "OPTIONS", requires = "on", allow_hyphen_values = true)]
     pub engine_args: Vec<String>,
-    /// Write the campaign with everything that it needs to this new folder, and run nothing: `sweep run` runs it wherever it is copied to
+    /// Write the campaign with all files that it needs to this new folder, and run nothing: `sweep run` runs it on any machine
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["on", "shard"])]
     pub bundle: Option<PathBuf>,
-    /// Take this file or folder into the bundle too (may be given more than once)
+    /// Add this file or folder to the bundle (may be given more than once)
     #[arg(long, value_name = "PATH")]
     pub include: Vec<PathBuf>,
 }

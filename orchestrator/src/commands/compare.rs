@@ -15,14 +15,12 @@ pub(super) const DIFFERENT: i32 = 3;
 /// Exit code: a folder is not a tape, or cannot be read.
 const UNREADABLE: i32 = 2;
 
-/// Say whether two tapes are identical, else where they part first and how far each field differs.
-///
-/// Exit code 0: identical. 3: different. 2: one of the two cannot be read.
+/// Arguments of `compare`.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
     /// A run folder, or its `tape` folder
     pub a: PathBuf,
-    /// Another one
+    /// Another run folder, or its `tape` folder
     pub b: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
@@ -68,6 +66,9 @@ fn open(path: &Path, trust: Trust) -> Result<Reader, tape::ReadError> {
 
 /// The result as text.
 pub(crate) fn print(out: &mut impl Write, comparison: &Comparison) -> io::Result<()> {
+    if comparison.identical && comparison.samples == 0 {
+        return writeln!(out, "identical, but neither tape has a sample: nothing was compared");
+    }
     if comparison.identical {
         return writeln!(out, "identical: {} samples", comparison.samples);
     }

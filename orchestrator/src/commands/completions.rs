@@ -2,11 +2,7 @@
 
 use clap::{Args, Command, ValueEnum};
 
-/// Print a script that completes commands, options and files.
-///
-/// bash: `escapement completions bash > ~/.local/share/bash-completion/completions/escapement`.
-/// zsh: `escapement completions zsh > FOLDER/_escapement`, with a folder of `$fpath`.
-/// fish: `escapement completions fish > ~/.config/fish/completions/escapement.fish`.
+/// Arguments of `completions`.
 #[derive(Debug, Args)]
 pub struct CompletionsArgs {
     /// The shell

@@ -97,7 +97,7 @@ pub fn conclude_rare(ended: &Rarely, figure: Option<&Number>, how: &CampaignArgs
 pub fn code(finished: &Finished) -> i32 {
     if finished.interrupted {
         eprintln!(
-            "interrupted: {} of {} points are complete; the same command goes on from there",
+            "interrupted: {} of {} points are complete; the same command continues from there",
             finished.results.iter().flatten().count(),
             finished.own()
         );

@@ -8,7 +8,7 @@ use engine::scope;
 /// Arguments of `doctor`.
 #[derive(Debug, Args)]
 pub struct DoctorArgs {
-    /// Remove what dead runs left behind
+    /// Remove what killed runs left behind
     #[arg(long)]
     pub remove: bool,
     /// Print the findings as JSON

@@ -47,7 +47,7 @@ pub enum Pressed {
     None,
 }
 
-/// Write the tape of a run in a format that other tools open.
+/// Arguments of `export`.
 #[derive(Debug, Args)]
 pub struct ExportArgs {
     /// A run folder, or its `tape` folder
@@ -61,16 +61,16 @@ pub struct ExportArgs {
     /// A stream such as plant.motion, or a field such as plant.motion.position (may be given more than once) [default: everything]
     #[arg(long, value_name = "NAME")]
     pub of: Vec<String>,
-    /// No sample before this time
+    /// Leave out samples before this simulated time
     #[arg(long, value_name = "TIME", value_parser = instant)]
     pub from: Option<Rational>,
-    /// No sample after this time
+    /// Leave out samples after this simulated time
     #[arg(long, value_name = "TIME", value_parser = instant)]
     pub until: Option<Rational>,
-    /// How an MCAP file is compressed
+    /// The compression of an MCAP file
     #[arg(long, value_enum, default_value_t)]
     pub compression: Pressed,
-    /// A URDF for a body of the scene, in place of what the scene says (may be given more than once)
+    /// A URDF for a body of the scene, instead of that of the scenario (may be given more than once)
     #[arg(long, value_name = "BODY=URDF", value_parser = model)]
     pub model: Vec<(String, PathBuf)>,
     /// Whether a damaged tape is exported

@@ -13,14 +13,7 @@ use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
 use engine::run::RunFailure;
 use engine::scenario::Scenario;
 
-/// Run a scenario with one failure after the other, and say which still meet the criteria.
-///
-/// With --cases the failures are those of a file: a list of [[case]] with a name and what it changes (docs/campaigns.md).
-/// Without it they are all single failures of the stock plant's actuators: each wheel stuck, off and at half effectiveness, each
-/// thruster off and on, the two of each direction off and on, each joint locked and free.
-///
-/// Exit codes: 0 all points ran, whatever their criteria say; 1 a point did not run to its end, or the campaign was stopped; 2 the scenario,
-/// the list or the folder is wrong, nothing was run.
+/// Arguments of `faults`.
 #[derive(Debug, Args)]
 pub struct FaultsArgs {
     /// The scenario
@@ -29,14 +22,14 @@ pub struct FaultsArgs {
     /// A file with the cases
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "informed"])]
     pub cases: Option<PathBuf>,
-    /// Let every failure begin at this time as well as at the start, such as 12s (may be given more than once)
+    /// Let every failure begin at this simulated time too, such as 12s, in addition to the start (may be given more than once)
     #[arg(long, value_name = "TIME", value_parser = instant)]
     pub at: Vec<Rational>,
-    /// Run wheel and joint failures once more with a control law that knows of them: thruster couples help the wheels, a joint
-    /// that has failed gets no weight
+    /// Run wheel and joint failures a second time with a control law that is informed of them: thruster couples support the wheels, and a
+    /// failed joint has the weight zero
     #[arg(long)]
     pub informed: bool,
-    /// Print the table as Markdown, for a page
+    /// Print the table as Markdown
     #[arg(long, conflicts_with = "json")]
     pub markdown: bool,
     /// What the table has besides figures

@@ -19,12 +19,12 @@ pub struct FmuArgs {
 /// What `fmu` does.
 #[derive(Debug, Subcommand)]
 pub enum FmuAction {
-    /// Say what an FMU is: its ports with units, its parameters, what it can and cannot do, and a scenario with it. Nothing of it runs
+    /// Describe an FMU: its ports with units, its parameters, its capabilities, and a scenario with it. No code of it is executed
     Inspect {
         /// The FMU
         file: PathBuf,
     },
-    /// Make an FMU of a participant or of a whole scenario: self-contained, for co-simulation in any tool
+    /// Create an FMU of a participant or of a whole scenario: self-contained, for co-simulation in any tool
     Export(FmuExportArgs),
 }
 

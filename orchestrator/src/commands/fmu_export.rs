@@ -18,25 +18,25 @@ pub struct FmuExportArgs {
     /// The participant: a builtin or a plug-in. Without it the whole scenario becomes one FMU
     #[arg(long, value_name = "NAME")]
     pub participant: Option<String>,
-    /// Of a whole scenario: the inputs that are inputs of the FMU, each PARTICIPANT.INPUT; nothing may feed them
+    /// For a whole scenario: the inputs that are inputs of the FMU, each PARTICIPANT.INPUT; they must not be connected
     #[arg(long, value_name = "PORT", value_delimiter = ',', conflicts_with = "participant")]
     pub inputs: Vec<String>,
-    /// Of a whole scenario: the outputs that are outputs of the FMU, each PARTICIPANT.OUTPUT; all unless given
+    /// For a whole scenario: the outputs that are outputs of the FMU, each PARTICIPANT.OUTPUT; by default all
     #[arg(long, value_name = "PORT", value_delimiter = ',', conflicts_with = "participant")]
     pub outputs: Vec<String>,
-    /// Of a whole scenario: keep nothing of what was simulated; the FMU cannot save its state then, and its memory does not grow
+    /// For a whole scenario: keep no history; the FMU cannot save its state then, and its memory does not grow
     #[arg(long, conflicts_with = "participant")]
     pub stateless: bool,
     /// The version of the standard: 2 or 3
     #[arg(long, default_value = "2", value_parser = ["2", "3"])]
     pub fmi: String,
-    /// The file to write; NAME.fmu in the present folder unless given
+    /// The file to write; by default NAME.fmu in the current folder
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// Change a key of the scenario, such as participants.plant.parameters.slosh=none
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// The library that goes into the FMU, where it does not lie beside this program
+    /// The library for the FMU, if it is not in the folder of this program
     #[arg(long, value_name = "FILE")]
     pub library: Option<PathBuf>,
 }
@@ -122,7 +122,7 @@ fn export(library: &Path, request: &str) -> anyhow::Result<i32> {
     let symbol = unsafe { libc::dlsym(handle, c"escapement_fmu_export".as_ptr()) };
     if symbol.is_null() {
         bail!(
-            "`{}` is no library of FMUs: it has no function `escapement_fmu_export`",
+            "`{}` is not a library of FMUs: it has no function `escapement_fmu_export`",
             library.display()
         );
     }

@@ -19,7 +19,7 @@ pub struct GraphArgs {
     /// The scenario
     #[command(flatten)]
     pub scenario: ScenarioArgs,
-    /// Which programs to ask
+    /// The programs to query
     #[command(flatten)]
     pub start: StartArgs,
     /// The language of the drawing

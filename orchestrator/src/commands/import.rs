@@ -11,20 +11,18 @@ use crate::arguments::span;
 /// Exit code: the package or the folder is invalid.
 const REFUSED: i32 = 2;
 
-/// Make a scenario of a system structure (SSP 1.0 or 2.0): a folder with the scenario and its FMUs.
-///
-/// Nested systems are flattened; parameters are filled in. What a scenario cannot express is refused with file and line. Nothing of an FMU runs.
+/// Arguments of `import`.
 #[derive(Debug, Args)]
 pub struct ImportArgs {
-    /// The package, or a folder with what is in one
+    /// The package, or a folder with its contents
     pub file: PathBuf,
-    /// The folder to write; the name of the package unless given
+    /// The folder to write; by default the name of the package
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
-    /// The period of all FMUs, such as 10ms; unless given, each has the step of its own default experiment
+    /// The period of all FMUs, such as 10ms; by default the step size of each FMU's default experiment
     #[arg(long, value_name = "TIME", value_parser = span)]
     pub period: Option<Rational>,
-    /// Take algebraic loops too: each FMU in one is a period late
+    /// Accept algebraic loops: the connections of each FMU in a loop are delayed by one period
     #[arg(long)]
     pub open_loops: bool,
 }

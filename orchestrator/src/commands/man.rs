@@ -6,13 +6,10 @@ use anyhow::Context;
 use clap::{Args, Command};
 use clap_mangen::Man;
 
-/// Print the manual page, or write one page for each command into a folder.
-///
-/// `escapement man | man -l -` shows it. `escapement man ~/.local/share/man/man1` installs all pages: `man escapement`,
-/// `man escapement-run` and so on.
+/// Arguments of `man`.
 #[derive(Debug, Args)]
 pub struct ManArgs {
-    /// Where to write a page for each command; it is made where there is none
+    /// The folder for a page of each command; it is created if it does not exist
     pub folder: Option<PathBuf>,
 }
 

@@ -24,33 +24,27 @@ const NOT_MET: i32 = 3;
 /// Relative difference in gamma that is attributed to rounding.
 const SAME: f64 = 1e-6;
 
-/// Recompute norms, margins and the sampled loop of tuned gains.
-///
-/// Margins are multiples of the stated uncertainty: 1.5 means that the loop stays stable for every error up to one and a half
-/// times the set. The first number is guaranteed for all frequencies, the second is the size of an error that destabilises.
-///
-/// Exit code 0: the file's gamma is reproduced, every sampled loop is stable, and no flight contradicts that. 2: a file is missing or
-/// wrong. 3: otherwise.
+/// Arguments of `margins`.
 #[derive(Debug, Args)]
 pub struct MarginsArgs {
     /// A file of gains, as written by `tune`
     pub gains: PathBuf,
-    /// The specification, in place of the one the file names
+    /// The specification, instead of the one that the file names
     #[arg(long, value_name = "FILE")]
     pub spec: Option<PathBuf>,
-    /// Only the first so many models of the specification (a margin takes seconds)
+    /// The number of models of the specification to verify, from the first (a margin takes seconds)
     #[arg(long, value_name = "COUNT")]
     pub models: Option<usize>,
-    /// Go on with links of the robot that no distribution of mass has; they are warned of
+    /// Accept links of the robot with inertias that no distribution of mass has, with a warning
     #[arg(long)]
     pub allow_unphysical: bool,
-    /// Leave out the flights in the non-linear simulator
+    /// Leave out the closed-loop runs in the non-linear simulator
     #[arg(long)]
     pub no_flights: bool,
     /// Write what was recomputed back into the file
     #[arg(long)]
     pub update: bool,
-    /// Print one table line per margin, for a page
+    /// Print one line of a Markdown table per margin
     #[arg(long)]
     pub table: bool,
     /// Write the generalised plants at the reporting order, the gains and their norms as plain matrices

@@ -8,7 +8,7 @@ use engine::measures::{Definition, of_tape};
 use engine::scenario::{DeclaredMeasure, measures_of_file, measures_of_plan};
 use serde_json::json;
 use tape::folder::RunFolder;
-use tape::{Reader, Source};
+use tape::{Reader, Source, StreamSpec};
 use toml::{Table, Value};
 
 use super::trust::{Trust, name_torn, told};
@@ -19,12 +19,7 @@ const NOT_MET: i32 = 3;
 /// Exit code: the command line, the file or the tape is wrong.
 const WRONG: i32 = 2;
 
-/// Ask the tape of a run for a figure, or for the measures of a scenario.
-///
-/// With --of and --compute it is one figure; the options are the keys of a table [measures.NAME] (docs/scenarios.md). With
-/// --measures it is every measure that another scenario file declares. With neither, those of the run's own scenario.
-///
-/// Exit codes: 0 measured, and every limit is kept; 3 a limit is not kept; 2 something does not fit, or the tape cannot be read.
+/// Arguments of `measure`.
 #[derive(Debug, Args)]
 pub struct MeasureArgs {
     /// A run folder, or its `tape` folder
@@ -32,23 +27,23 @@ pub struct MeasureArgs {
     /// A field, or an element of one, such as plant.motion.position or plant.motion.velocity[2]
     #[arg(long, value_name = "FIELD", requires = "compute", conflicts_with = "measures")]
     pub of: Option<String>,
-    /// The value of an enumeration that is asked for: the signal is 1 where the field has it and 0 elsewhere
+    /// A value of an enumeration: the signal is 1 where the field has this value and 0 elsewhere
     #[arg(long, value_name = "NAME", requires = "of")]
     pub is: Option<String>,
-    /// What is taken from it: another field of the same shape
+    /// Another field of the same shape, which is subtracted from the first one
     #[arg(long, value_name = "FIELD", requires = "of")]
     pub minus: Option<String>,
-    /// The norm of a vector, or the angle of an attitude: norm or angle
+    /// Compute the norm of a vector, or the angle of an attitude, first: norm or angle
     #[arg(long, value_name = "HOW", requires = "of")]
     pub through: Option<String>,
-    /// min, max, max-abs, mean, rms, final, at, range, integral, integral-abs, rate, time-above, time-below, first-crossing,
+    /// The figure: min, max, max-abs, mean, rms, final, at, range, integral, integral-abs, rate, time-above, time-below, first-crossing,
     /// settling-time, changes or percentile
     #[arg(long, value_name = "WHAT", requires = "of")]
     pub compute: Option<String>,
-    /// The first instant that counts, such as 2s
+    /// The first instant of the window, such as 2s
     #[arg(long, value_name = "TIME", requires = "of")]
     pub from: Option<String>,
-    /// The last one
+    /// The last instant of the window
     #[arg(long, value_name = "TIME", requires = "of")]
     pub to: Option<String>,
     /// The instant of --compute at
@@ -60,22 +55,22 @@ pub struct MeasureArgs {
     /// The band of settling-time, such as "[-2, 2] mm"
     #[arg(long, value_name = "RANGE", requires = "of")]
     pub band: Option<String>,
-    /// The part of the samples of percentile, such as 95
+    /// The percentage of percentile, such as 95
     #[arg(long, value_name = "NUMBER", requires = "of")]
     pub percent: Option<String>,
     /// The unit of the figure
     #[arg(long, value_name = "UNIT", requires = "of")]
     pub unit: Option<String>,
-    /// The greatest value that is a success, such as "5 mm"
+    /// The greatest value that meets the criterion, such as "5 mm"
     #[arg(long, value_name = "VALUE", requires = "of", allow_hyphen_values = true)]
     pub at_most: Option<String>,
-    /// The least one
+    /// The least value that meets the criterion
     #[arg(long, value_name = "VALUE", requires = "of", allow_hyphen_values = true)]
     pub at_least: Option<String>,
-    /// Both, such as "[-5, 5] mm"
+    /// The range that meets the criterion, such as "[-5, 5] mm"
     #[arg(long, value_name = "RANGE", requires = "of")]
     pub within: Option<String>,
-    /// The scenario file whose measures are asked for
+    /// The scenario file whose measures are computed
     #[arg(long, value_name = "FILE")]
     pub measures: Option<PathBuf>,
     /// Print the result as JSON
@@ -94,6 +89,12 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<i32> {
         .map_err(|error| told(&error))
         .and_then(|tape| {
             name_torn(&tape);
+            if tape.streams().is_empty() {
+                return Err(format!(
+                    "{}: the tape has no stream, so nothing can be measured; record a run whose [record] keeps what is to be measured",
+                    args.run.display()
+                ));
+            }
             let definitions = args.definitions(&tape)?;
             of_tape(definitions, &tape).map_err(|error| error.to_string())
         });
@@ -170,6 +171,20 @@ impl MeasureArgs {
         };
         let name = self.compute.clone().unwrap_or_default();
         let measure = DeclaredMeasure::of_table(&name, table).map_err(told)?;
-        measure.resolve(tape.streams()).map_err(told)
+        let resolved = measure.resolve(tape.streams()).map_err(told);
+        resolved.map_err(|reason| match self.absent(of, tape) {
+            Some(path) => format!("{reason} (`{path}` is not on the tape if [record] leaves its stream out)"),
+            None => reason,
+        })
+    }
+
+    /// The path of the command line whose stream the tape does not have.
+    fn absent<'a>(&'a self, of: &'a str, tape: &Reader) -> Option<&'a str> {
+        let there = |path: &str| {
+            let mut names = tape.streams().iter().map(StreamSpec::name);
+            names.any(|name| path.strip_prefix(&name).is_some_and(|rest| rest.starts_with('.')))
+        };
+        let mut paths = std::iter::once(of).chain(self.minus.as_deref());
+        paths.find(|path| !there(path))
     }
 }

@@ -26,7 +26,7 @@ pub struct ModelArgs {
     pub model: PathBuf,
     /// States in JSON; without them the tree is printed
     pub states: Option<PathBuf>,
-    /// Go on with links that no distribution of mass has; they are warned of
+    /// Accept links with inertias that no distribution of mass has, with a warning
     #[arg(long)]
     pub allow_unphysical: bool,
 }
@@ -74,7 +74,7 @@ pub(super) fn read(file: &Path, allow_unphysical: bool) -> Result<Description> {
                 .collect();
             let unphysical = errors.iter().any(|error| error.fault.is_unphysical());
             let remedy = if unphysical {
-                "\n`--allow-unphysical` goes on with what no distribution of mass has"
+                "\n`--allow-unphysical` accepts inertias that no distribution of mass has"
             } else {
                 ""
             };

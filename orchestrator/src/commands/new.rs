@@ -10,9 +10,7 @@ use crate::templates::{Project, Template};
 /// Exit code: the folder or the template is invalid.
 const REFUSED: i32 = 2;
 
-/// Write a project to start from into a folder: scenarios, models, or a program of your own.
-///
-/// The folder is made; one that is there must be empty. What was written is listed, and what to do next.
+/// Arguments of `new`.
 #[derive(Debug, Args)]
 pub struct NewArgs {
     /// The folder of the project
@@ -21,7 +19,7 @@ pub struct NewArgs {
     /// The FMUs of --template fmu
     #[arg(value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// What to write; --list tells what there is
+    /// The template; --list lists them
     #[arg(long, short, value_name = "NAME")]
     pub template: Option<String>,
     /// List the templates

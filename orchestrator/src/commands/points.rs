@@ -13,7 +13,7 @@ use crate::{signals, terminal};
 /// What the table has besides figures.
 #[derive(Debug, Args)]
 pub struct DigestArgs {
-    /// Put the digest of each point's tape into the table: then every output is computed, whether a figure is made of it or not
+    /// Add the digest of each point's tape to the table: every output is then computed, whether a figure uses it or not
     #[arg(long)]
     pub digest: bool,
 }
@@ -30,22 +30,24 @@ impl DigestArgs {
 /// What all campaigns take.
 #[derive(Debug, Args)]
 pub struct CampaignArgs {
-    /// The folder for table, picture and journal; one that is named after the scenario and the points when not given
+    /// The folder for table, picture and journal; by default one that is named after the scenario and the points
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
-    /// Processes that work side by side; one a core when not given
+    /// The number of worker processes; by default one per core
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub workers: Option<u16>,
-    /// Points that go side by side in each of them, in the lanes of the processor; 1 runs one after the other. The results are the same
+    /// The number of points that each worker computes at once, in the SIMD lanes of the processor; with 1 it computes one after the other. The
+    /// results are the same
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=64))]
     pub lanes: Option<u16>,
-    /// Keep run folders, tape and all: of all points, of those that failed, of those that are not met, or of the worst ten (worst:10)
+    /// Keep the run folders with their tapes: of all points, of those that failed, of those that do not meet a criterion, or of the worst ten
+    /// (worst:10)
     #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "all")]
     pub keep: Vec<Keep>,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
-    /// No progress line and no summary
+    /// Print no progress and no summary
     #[arg(long)]
     pub quiet: bool,
 }
@@ -68,10 +70,10 @@ impl CampaignArgs {
 /// Which part of the points.
 #[derive(Debug, Args)]
 pub struct PartArgs {
-    /// Run every N-th point alone, from point K on, into a folder of its own; `sweep merge` makes one campaign of all N
+    /// Run only every N-th point, from point K on, into a folder of its own; `sweep merge` merges all N folders into one campaign
     #[arg(long, value_name = "K/N")]
     pub shard: Option<Shard>,
-    /// Run this share of the points a second time in the shard after their own, such as 1%: `sweep merge` then names nodes whose bits differ
+    /// Run this proportion of the points, such as 1%, a second time in the next shard: `sweep merge` then names machines whose results differ
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub audit: Option<f64>,
 }

@@ -16,31 +16,31 @@ use crate::{signals, terminal};
 use engine::replay::{Found, Replay, ReplayError, Request};
 use engine::run::{Ending, Options, Wait};
 
-/// Run one participant of a recorded run again, with the inputs it had then, and compare what it says with the tape.
-///
-/// It starts at the beginning, because only there its state is known. Exit code 0: identical. 3: different. 2: the
-/// participant or the tape does not fit. 1: the participant failed.
+/// Exit code: no sample was compared.
+const UNCOMPARED: i32 = 2;
+
+/// Arguments of `replay`.
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
     /// The folder of a run
     pub run: PathBuf,
-    /// Who is run again
+    /// The participant to run again
     #[arg(long, short)]
     pub participant: String,
-    /// This program in its place, with the arguments behind `--`
+    /// Run this program instead, with the arguments after `--`
     #[arg(long, value_name = "PATH")]
     pub exe: Option<PathBuf>,
-    /// In a process of its own over shared memory, as in the run; without it a participant that this program contains
-    /// runs in this process
+    /// Run the participant in a process of its own over shared memory, as in the run; by default a participant that this program
+    /// contains runs in this process
     #[arg(long)]
     pub process: bool,
     /// Change a key of the plan, such as participants.controller.parameters.law=\"reference\" (may be given more than once)
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
-    /// Replay only what happens before this simulated time
+    /// Replay only the activations before this simulated time
     #[arg(long, value_name = "TIME", value_parser = span)]
     pub to: Option<Rational>,
-    /// Come to rest before the first step, or at this simulated time, say the process number, and wait for Enter
+    /// Pause before the first step, or at this simulated time, print the process number, and wait for Enter
     #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true, value_parser = instant)]
     pub wait_for_debugger: Option<Rational>,
     /// What every run takes
@@ -120,11 +120,14 @@ fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
             "ending": found.ending,
             "to_s": found.to_s,
             "notes": found.notes,
-            "comparison": found.comparison,
+            "comparison": found.comparison.as_ref().ok(),
+            "refused": found.comparison.as_ref().err(),
         });
         serde_json::to_writer_pretty(&mut out, &result)?;
         writeln!(out)?;
-    } else if !args.common.quiet {
+    } else if let Ok(comparison) = &found.comparison
+        && !args.common.quiet
+    {
         writeln!(
             out,
             "`{}` of {} (A) and again (B), up to t = {} s:",
@@ -132,11 +135,15 @@ fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
             args.run.display(),
             found.to_s
         )?;
-        print(&mut out, &found.comparison)?;
+        print(&mut out, comparison)?;
     }
-    Ok(match (failed, found.comparison.identical) {
-        (true, _) => 1,
-        (false, true) => 0,
-        (false, false) => DIFFERENT,
+    if let Err(reason) = &found.comparison {
+        eprintln!("error: {reason}");
+    }
+    Ok(match &found.comparison {
+        _ if failed => 1,
+        Ok(comparison) if comparison.identical => 0,
+        Ok(_) => DIFFERENT,
+        Err(_) => UNCOMPARED,
     })
 }

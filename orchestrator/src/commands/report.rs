@@ -16,25 +16,22 @@ use crate::line::Busy;
 /// Exit code: a folder is not a run, or a file of it cannot be read.
 const UNREADABLE: i32 = 2;
 
-/// Write a page with figures, summary and 3-D playback of one run or several laid over each other.
-///
-/// The page is one HTML file that needs no network and no other file. It has a figure for every field of every stream, and before
-/// them those that the scenario's table [report] asks for.
+/// Arguments of `report`.
 #[derive(Debug, Args)]
 pub struct ReportArgs {
     /// Run folders
     #[arg(required = true)]
     pub runs: Vec<PathBuf>,
-    /// Where to write the page [default: `report.html` in the first run folder]
+    /// The file for the page [default: `report.html` in the first run folder]
     #[arg(long, short)]
     pub out: Option<PathBuf>,
-    /// A name for a run, as often as there are runs, in their order [default: what differs between the runs, or the folder's name]
+    /// A name for each run, in the order of the runs [default: the differences between the scenarios, or the folder's name]
     #[arg(long, value_name = "NAME")]
     pub label: Vec<String>,
-    /// Also write the figures as SVG and PNG into this folder: those that were asked for, or where none were, all
+    /// Also write the figures as SVG and PNG into this folder: those that the scenario selects, or all if it selects none
     #[arg(long, value_name = "DIR")]
     pub figures: Option<PathBuf>,
-    /// A URDF for a body of the playback, in place of what the scene says (may be given more than once)
+    /// A URDF for a body of the playback, instead of that of the scene (may be given more than once)
     #[arg(long, value_name = "BODY=URDF", value_parser = model)]
     pub model: Vec<(String, PathBuf)>,
     /// Whether damaged tapes are reported

@@ -17,16 +17,16 @@ use engine::scenario::{Changes, Scenario, Time};
 /// Arguments of `resume`.
 #[derive(Debug, Args)]
 pub struct ResumeArgs {
-    /// The folder of the run to go on from
+    /// The folder of the run to continue
     pub run: PathBuf,
-    /// Go on from the newest checkpoint at or before this simulated time, and make the changes at this time; from the newest of all when
-    /// not given
+    /// Continue from the newest checkpoint at or before this simulated time, and apply the changes at this time; by default from the newest
+    /// checkpoint
     #[arg(long, value_name = "TIME", value_parser = instant)]
     pub from: Option<Rational>,
-    /// Change a key of the scenario from here on, to ask what if (may be given more than once)
+    /// Change a key of the scenario from then on (may be given more than once)
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
-    /// How long to simulate in all, in place of what the run had
+    /// The simulated duration from the start of the first run, instead of the one that it had
     #[arg(long, value_parser = span)]
     pub duration: Option<Rational>,
     /// How to run it
@@ -76,7 +76,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     if let Ok(tape) = Reader::open(&folder.tape())
         && let Err(error) = tape.verify()
     {
-        eprintln!("error: the run cannot be taken up: {error}");
+        eprintln!("error: the run cannot be resumed: {error}");
         return Ok(2);
     }
     if let Some(name) = folder.scenario_name() {
@@ -88,7 +88,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
         let and = at
             .map(|at| format!(", with changes from t = {at} on"))
             .unwrap_or_default();
-        eprintln!("going on from the checkpoint at t = {}{and}", checkpoint.time);
+        eprintln!("continuing from the checkpoint at t = {}{and}", checkpoint.time);
     }
     let run = args.run.clone();
     let origin = Origin { run, checkpoint };

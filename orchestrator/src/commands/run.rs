@@ -27,11 +27,11 @@ pub struct RunArgs {
     /// The scenario
     #[command(flatten)]
     pub scenario: ScenarioArgs,
-    /// Run this point of a campaign by itself, whole tape and all, in place of a scenario: the same digest
+    /// Run this point of a campaign alone and with its whole tape, instead of a scenario; the digest is the same
     #[arg(long, value_name = "FOLDER:NUMBER", conflicts_with_all = ["scenario", "shadow"])]
     pub point: Option<PathBuf>,
-    /// Feed a second program what a participant is fed, and say where it would have said something else: a file, or
-    /// builtin:NAME (may be given more than once)
+    /// Feed the inputs of a participant to a second program too, and report where its outputs differ: a file, or builtin:NAME
+    /// (may be given more than once)
     #[arg(long, value_name = "PARTICIPANT=PROGRAM")]
     pub shadow: Vec<String>,
     /// Change a parameter of the shadows, such as law=\"reference\" (may be given more than once)

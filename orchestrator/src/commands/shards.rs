@@ -24,20 +24,20 @@ pub enum SweepCommand {
 /// What is done with folders of campaigns.
 #[derive(Debug, Subcommand)]
 pub enum SweepAction {
-    /// Run the points that a campaign's folder lacks, with nothing but the folder to say what they are
+    /// Run the missing points of the campaign in a folder; the folder determines everything
     ///
     /// Exit codes: as those of `sweep`.
     Run(RunFolderArgs),
-    /// Make one campaign of the folders of all of its shards: the table that one machine gives, byte for byte
+    /// Merge the folders of all shards into one campaign; the table is the one that a single machine computes, byte for byte
     ///
-    /// Refused are folders of other campaigns, scenarios or builds of the program, points that are in two folders or in none, and points that
-    /// were run twice with other bits the second time.
+    /// Folders of other campaigns, scenarios or builds of the program are rejected, and so are points that are in two folders or in none, and
+    /// points that were run twice with different results.
     ///
-    /// Exit codes: 0 all points ran; 1 a point did not run to its end; 2 the folders do not make a whole, nothing was written.
+    /// Exit codes: 0 all points ran; 1 a point did not run to its end; 2 the folders do not form a complete campaign, nothing was written.
     Merge(MergeArgs),
-    /// Say how far a campaign is: its folder, or those of its shards
+    /// Report the progress of a campaign, from its folder or from those of its shards
     ///
-    /// Exit codes: 0 all points have results; 1 points are missing; 2 it is no campaign's folder.
+    /// Exit codes: 0 all points have results; 1 points are missing; 2 it is not the folder of a campaign.
     Status(StatusArgs),
 }
 
@@ -86,7 +86,7 @@ pub struct RunFolderArgs {
 /// Arguments of `sweep merge`.
 #[derive(Debug, Args)]
 pub struct MergeArgs {
-    /// The folder to make
+    /// The folder to create
     #[arg(value_name = "OUT", conflicts_with = "out")]
     pub whole: PathBuf,
     /// The folders of all shards
@@ -280,6 +280,6 @@ fn print(part: &Part, waits: bool) {
             || format!("run {}", part.root.display()),
             |source| rare_command(source, &part.root),
         );
-        println!("    goes on with: sweep {command}");
+        println!("    continue with: sweep {command}");
     }
 }

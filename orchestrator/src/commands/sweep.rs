@@ -10,18 +10,7 @@ use crate::catalogue::catalogue;
 use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
 use engine::scenario::{Changes, Scenario};
 
-/// Run a scenario over a grid of values or over what a campaign file draws, and make one table, a picture and a report.
-///
-/// A campaign file names a scenario and says how its keys are dispersed (docs/campaigns.md): sweep CAMPAIGN.toml.
-///
-/// Values are a list (5ms,10ms), a range with both ends (0ms..200ms:10ms), whole numbers (seed=1..100) or texts
-/// (participants.controller.parameters.law=hierarchical,reference). Several --vary make all combinations.
-///
-/// Each point runs in a worker process without a tape; a point that is refused, fails or crashes is a row of the table with the
-/// reason. The table does not depend on the number of workers. The same command again goes on where an interrupted sweep was.
-///
-/// Exit codes: 0 all points ran, whatever their criteria say; 1 a point did not run to its end, or the sweep was stopped; 2 the scenario, the
-/// grid or the folder is wrong, nothing was run.
+/// Arguments of `sweep`.
 #[derive(Debug, Args)]
 pub struct SweepArgs {
     /// The scenario, or a campaign file
@@ -30,17 +19,17 @@ pub struct SweepArgs {
     /// A key of the scenario and its values, such as connections.measured.delay=0ms..200ms:10ms (may be given more than once)
     #[arg(long, value_name = "KEY.PATH=VALUES")]
     pub vary: Vec<String>,
-    /// So many seeds from the scenario's on: the same as --vary seed=FIRST..LAST
+    /// The number of seeds, from that of the scenario on: the same as --vary seed=FIRST..LAST
     #[arg(long, value_name = "COUNT")]
     pub seeds: Option<u64>,
-    /// So many points are drawn, in place of what the campaign file says: with more of them a campaign grows
+    /// The number of points to draw, instead of that of the campaign file; a larger number extends an existing campaign
     #[arg(long, value_name = "COUNT", conflicts_with_all = ["vary", "seeds"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub points: Option<u32>,
     /// The figure of merit that the picture and the quantiles show, such as position_error_at_grasp
     #[arg(long, value_name = "NAME")]
     pub figure: Option<String>,
-    /// End as soon as the 95 % confidence interval is so narrow: 'met within 1 %' for the share of points that are met, or
-    /// 'FIGURE within 2 %' for the mean of a figure of merit
+    /// End as soon as the 95 % confidence interval is narrow enough: 'met within 1 %' for the proportion of points that meet the criteria,
+    /// or 'FIGURE within 2 %' for the mean of a figure of merit
     #[arg(long, value_name = "WHAT within WIDTH", conflicts_with = "shard")]
     pub until: Option<Until>,
     /// What the table has besides figures
@@ -151,7 +140,7 @@ fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
         let file = file.ok_or_else(|| {
             let path = args.scenario.scenario.display();
             let reason =
-                format!("{path} is no campaign file: a grid has its values, and --seeds COUNT says how many seeds");
+                format!("{path} is not a campaign file: a grid has its values, and --seeds COUNT says how many seeds");
             CampaignError::Points(reason)
         })?;
         return Ok(Some(file.with_points(points)));

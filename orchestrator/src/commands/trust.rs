@@ -10,7 +10,7 @@ use crate::line::Busy;
 /// Whether the command accepts a tape that differs from its seal.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct Trust {
-    /// Read the tape even if it differs from its seal
+    /// Read the tape even if it differs from its seal, with a warning
     #[arg(long)]
     pub unverified: bool,
 }

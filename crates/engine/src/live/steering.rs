@@ -134,7 +134,7 @@ impl Steering {
                 self.resume();
                 return Ok(());
             }
-            _ if self.limit() == Ticks::MAX => return Err("the run is going on: pause it first".into()),
+            _ if self.limit() == Ticks::MAX => return Err("the run is not paused: pause it first".into()),
             LiveCommand::StepOf(name) => {
                 let number = plan
                     .participant(name)

@@ -69,7 +69,7 @@ impl Measures {
                 one.restore(saved.clone());
             } else if one.streams().any(|stream| lacks[stream]) {
                 return Err(format!(
-                    "measure `{}` is new or was changed, and looks at a stream of which [record] leaves samples out",
+                    "measure `{}` is new or was changed, and uses a stream of which [record] leaves samples out",
                     one.name()
                 ));
             }

@@ -62,8 +62,8 @@ impl ReplayError {
 pub struct Found {
     /// How the participant's run ended.
     pub ending: Ending,
-    /// A is the recording, B the replay; both up to the shorter one.
-    pub comparison: Comparison,
+    /// A is the recording, B the replay; both up to the shorter one. An error has the reason why no sample was compared.
+    pub comparison: Result<Comparison, String>,
     /// Remarks for a reader of the result.
     pub notes: Vec<String>,
     /// The instant before which all activations were replayed, s.
@@ -163,6 +163,7 @@ impl Replay {
         };
         // Both are compared as far as both have samples; a note reports where one of them has more.
         let (mut recording, mut replay) = (own(&self.reader), own(&replayed));
+        let uncompared = uncompared(&self.participant, &recording, duration_s);
         replay.retain_mut(|(at, count)| {
             let spec = &replayed.streams()[*at];
             let twin = recording
@@ -174,10 +175,7 @@ impl Replay {
             };
             if *count > *recorded {
                 let more = *count - *recorded;
-                notes.push(format!(
-                    "{} goes on for {more} samples where the tape ends",
-                    spec.name()
-                ));
+                notes.push(format!("{} has {more} samples more than the tape", spec.name()));
             }
             *count = (*count).min(*recorded);
             *recorded = *count;
@@ -198,14 +196,29 @@ impl Replay {
         }
         Ok(Found {
             ending: outcome.ending,
-            comparison,
+            comparison: match comparison.samples {
+                0 => Err(uncompared),
+                _ => Ok(comparison),
+            },
             notes,
             to_s: duration_s,
         })
     }
 }
 
-/// A run that was taken up with changes: before these, a different plan from its `plan.toml` applied.
+/// Why no sample of `participant` was compared, whose streams on the tape are `recording`, each with its number of samples.
+fn uncompared(participant: &str, recording: &[(usize, u64)], to_s: f64) -> String {
+    let reason = if recording.is_empty() {
+        format!("the tape has no output of `{participant}`; record a run whose [record] keeps one")
+    } else if recording.iter().all(|(_, count)| *count == 0) {
+        format!("the tape has no sample of `{participant}`; record a run in which it is activated")
+    } else {
+        format!("`{participant}` published no sample in its replay up to t = {to_s} s; replay it for longer")
+    };
+    format!("nothing was compared: {reason}")
+}
+
+/// A run that was resumed with changes: before these, a different plan from its `plan.toml` applied.
 struct Branched {
     /// The instant from which on the plan is that of the run.
     at: Rational,
@@ -220,15 +233,14 @@ impl Branched {
     /// When only the other plan can be the reason.
     fn differs(&self, reader: &Reader, participant: &str, first: f64) -> Result<String, ReplayError> {
         let at = self.at;
-        let why = format!(
-            "the run was taken up with changes at t = {at}: what was before was made by another plan than its plan.toml"
-        );
+        let why =
+            format!("the run was resumed with changes at t = {at}: up to then it had another plan than its plan.toml");
         if !self.as_it_was || first >= at.seconds() {
             return Ok(why);
         }
         Err(ReplayError::Misfit(format!(
             "{}: {why}, and `{participant}` differs from t = {first} s on. A participant is replayed from its start, where its state is known: \
-             replay the run that this one was taken up from",
+             replay the run from which this one was resumed",
             reader.dir().display()
         )))
     }

@@ -99,7 +99,7 @@ impl Run {
             Ok(ticks) if time <= self.run_state.scenario.duration => ticks.min(plan.end),
             _ => {
                 return refuse(format!(
-                    "lies behind the end of the run at {}",
+                    "is after the end of the run at {}",
                     self.run_state.scenario.duration
                 ));
             }
@@ -354,7 +354,7 @@ impl Run {
                 reason: first.reason.clone(),
             });
         }
-        run_state.guide.go_back(schedule, checkpoint.now);
+        run_state.clock.go_back(schedule, checkpoint.now);
         run_state.last_checkpoint = run_state.scenario.restarts().then(|| state.clone());
         self.executor.went_back(checkpoint.now);
         (self.now, self.over, self.unseen) = (checkpoint.now, None, false);

@@ -17,7 +17,7 @@ use crate::scenario::Entry;
 pub(super) enum Turn {
     /// There is more to do.
     Going,
-    /// All participants rest at this instant, where the guide stops.
+    /// All participants rest at this instant, where the clock controller stops.
     Rests(Ticks),
     /// The participant that is to be held has the inputs of its activation at this instant, and has not stepped.
     Held(Ticks),
@@ -27,7 +27,7 @@ pub(super) enum Turn {
     Parked,
 }
 
-/// What runs in a participant's slot when the run is taken up.
+/// What runs in a participant's slot when the run is resumed.
 pub(super) enum Slot {
     /// The same program, with this state, or else the one that it has.
     Same(Option<Vec<u8>>),
@@ -48,7 +48,7 @@ pub(super) struct Account {
 
 /// The participants of a run, and the loop or the processes that execute them.
 pub(super) trait Executor {
-    /// Lets the participants do a part of what the guide grants, and takes what they have recorded. The error is a failure that the
+    /// Lets the participants do a part of what the clock controller grants, and takes what they have recorded. The error is a failure that the
     /// run may survive.
     fn turn(&mut self, run_state: &mut RunState) -> Result<Turn, Ending>;
 
@@ -88,10 +88,10 @@ pub(super) trait Executor {
     /// Whether a participant can fail individually, so that others may continue without it.
     fn outlives_failures(&self) -> bool;
 
-    /// Handles the failure in `ending` as the scenario says: returns when the run can continue, or returns the ending as an error.
+    /// Handles the failure in `ending` as the scenario specifies: returns when the run can continue, or returns the ending as an error.
     fn survive(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending>;
 
-    /// Registers participants that failed while the run was taken up.
+    /// Registers participants that failed while the run was resumed.
     fn note_fallen(&mut self, fallen: Vec<FailedParticipant>);
 
     /// At a rest: which process is which participant, in words.

@@ -13,7 +13,7 @@ use super::in_loop;
 use super::inputs;
 use super::options::Options;
 use super::outcome::{Ending, Outcome, RunFailure};
-use super::pace::horizon::Guide;
+use super::pace::horizon::ClockController;
 use super::pace::spans::Times;
 use super::prepare::{self, Ready};
 use super::processes::monitor::Monitor;
@@ -196,7 +196,7 @@ impl Run {
         };
         options.begin(&plan, folder.as_ref());
         let run_state = RunState {
-            guide: Guide::new(&plan, &options, schedule, from),
+            clock: ClockController::new(&plan, &options, schedule, from),
             entries,
             substituted,
             inputs: start.inputs,
@@ -246,8 +246,8 @@ impl Run {
 
     /// Preparation for [`Run::conduct`].
     pub(super) fn set_out(&mut self, bound: Option<Ticks>) {
-        self.run_state.guide.drive_to(bound);
-        self.run_state.guide.go_on();
+        self.run_state.clock.drive_to(bound);
+        self.run_state.clock.go_on();
         self.executor.renew_patience();
     }
 
@@ -289,7 +289,7 @@ impl Run {
                 Turn::Parked => Ok(Some(Conduct::Parked)),
                 Turn::Rests(now) => {
                     let ending = attend(executor, run_state, now)?;
-                    let rests = bound == Some(now) && run_state.guide.is_free(now) && executor.rests_at(now);
+                    let rests = bound == Some(now) && run_state.clock.is_free(now) && executor.rests_at(now);
                     Ok(ending.map(Conduct::Over).or(rests.then_some(Conduct::Rests)))
                 }
             });

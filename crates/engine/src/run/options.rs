@@ -97,7 +97,7 @@ pub struct Options {
     pub no_placement: bool,
     /// How long a participant may compute without progress before the run is ended, s.
     pub patience_s: f64,
-    /// How long each program may take to enter the run and to answer a request, whatever the scenario says about it.
+    /// How long each program may take to enter the run and to answer a request, instead of the value in the scenario.
     pub start_within: Option<Duration>,
     /// External control of the horizon, such as the live page.
     pub steering: Option<Arc<Steering>>,

@@ -267,7 +267,7 @@ pub(super) fn recorder(
     }
     match recorder.unsaved().filter(|_| saves) {
         Some(stream) => {
-            let what = format!("a checkpoint of an assessment without `save`, which looks at `{stream}`,");
+            let what = format!("a checkpoint of an assessment without `save`, which uses `{stream}`,");
             Err(scenario.needs_samples(&what).into())
         }
         None => Ok(recorder),
@@ -422,7 +422,7 @@ pub(super) fn substitution_event(
     state: State,
 ) -> Event {
     let how = match state {
-        State::Cold => "from afresh",
+        State::Cold => "from its initial state",
         State::Keep => "with the state of the one before",
     };
     Event {

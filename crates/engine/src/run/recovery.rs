@@ -23,8 +23,8 @@ const NOTHING_LEFT: &str = "it had taken its last step when its outputs were loo
                             rests (`--checkpoint-every`) everything before is looked at first";
 
 impl Processes {
-    /// Handles the failure in `ending` as the scenario says: returns when the run can continue, or returns the ending as an error.
-    /// A participant that fails while the run is taken up counts as one more failure.
+    /// Handles the failure in `ending` as the scenario specifies: returns when the run can continue, or returns the ending as an error.
+    /// A participant that fails while the run is resumed counts as one more failure.
     pub(super) fn survive_failure(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending> {
         let Ending::Failed { participant, reason } = &ending else {
             return Err(ending);
@@ -59,7 +59,7 @@ impl Processes {
                 Err(second) => {
                     return Err(Ending::Failed {
                         participant: run_state.plan.participants[first.number].name.clone(),
-                        reason: format!("{}\nand the run could not be taken up: {second}", first.reason),
+                        reason: format!("{}\nand the run could not be resumed: {second}", first.reason),
                     });
                 }
             }
@@ -85,9 +85,7 @@ impl Processes {
             }
             restarts.count += 1;
             if restarts.count > RESTARTS_MAX {
-                over = Some(format!(
-                    "\n(taken up again {RESTARTS_MAX} times without getting any further)"
-                ));
+                over = Some(format!("\n(restarted {RESTARTS_MAX} times without progress)"));
             }
         }
         let Some(mut more) = over else {
@@ -118,7 +116,7 @@ impl Processes {
             // The samples that it had handed over count, up to the first faulty one.
             while let Ok(Taken::Old | Taken::News) = handle.take(one.number, &mut run_state.recorder()) {}
         }
-        self.place.clock.recall();
+        self.place.clock.pause();
         let mut patience = Patience::new(run_state.options.patience());
         loop {
             let mut left = None;
@@ -189,7 +187,7 @@ impl Processes {
         }
     }
 
-    /// Continues the run as the scenario says; all participants are at rest except `fallen`, whose processes have ended. Returns
+    /// Continues the run as the scenario specifies; all participants are at rest except `fallen`, whose processes have ended. Returns
     /// those that fail meanwhile.
     fn recover(
         &mut self,
@@ -231,7 +229,7 @@ impl Processes {
         let missing = self.relocate(run_state, &checkpoint.cut, slots)?;
         run_state.substituted = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
         run_state
-            .guide
+            .clock
             .rewind(&run_state.scenario, &run_state.plan, run_state.substituted);
         for one in fallen {
             let text = format!(
@@ -276,7 +274,7 @@ impl Processes {
                 (Some(one), OnFailure::Substitute(program)) => {
                     let entry = entry.replaced_by(program);
                     let text = format!(
-                        "{} takes over at activation {stands} from afresh: the one before {}",
+                        "{} takes over at activation {stands} from its initial state: the one before {}",
                         entry.program,
                         one.first_line()
                     );

@@ -9,7 +9,7 @@ use tape::folder::RunFolder;
 use super::inputs::Inputs;
 use super::options::Options;
 use super::outcome::{Ending, RunFailure};
-use super::pace::horizon::Guide;
+use super::pace::horizon::ClockController;
 use super::pace::spans::Times;
 use super::recording::recorder::Recorder;
 use super::saved::checkpoint::Checkpoint;
@@ -27,7 +27,7 @@ pub(super) struct RunState {
     /// The values of unconnected inputs.
     pub(super) inputs: Inputs,
     /// How far all participants may go.
-    pub(super) guide: Guide,
+    pub(super) clock: ClockController,
     /// The run folder, if the run has one.
     pub(super) folder: Option<RunFolder>,
     /// The checkpoint to which the run goes back when a participant is restarted.
@@ -56,7 +56,7 @@ impl RunState {
 
     /// Reports to the external control how far the run is, whether all participants rest at the horizon, and how the pace is kept.
     pub(super) fn tell(&mut self, newest: Ticks, resting: bool) {
-        self.guide.tell(newest, resting);
+        self.clock.tell(newest, resting);
         if let Some(steering) = &self.options.steering
             && let Some(news) = self.times.news()
         {

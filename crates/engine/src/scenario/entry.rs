@@ -24,7 +24,7 @@ pub struct Entry {
     pub setup: Setup,
     /// What happens when it fails.
     pub on_failure: OnFailure,
-    /// How long its program may take to enter the run and to answer a request, where the scenario says so.
+    /// How long its program may take to enter the run and to answer a request, if the scenario specifies it.
     pub start_within: Option<Rational>,
     /// Whether the program is there because another one failed.
     pub replaced: bool,

@@ -78,7 +78,7 @@ pub(super) fn put_content(value: &Value, element: Element, slot: &mut [u8]) -> R
     let bytes = match (element, value) {
         (Element::Text(_), Value::String(text)) if text.contains('\0') => Err("the text has a zero byte".to_owned()),
         (Element::Text(_), Value::String(text)) => Ok(text.as_bytes().to_owned()),
-        (Element::Text(_), other) => Err(format!("`{other}` is no text: write it in quotes")),
+        (Element::Text(_), other) => Err(format!("`{other}` is not a text: write it in quotes")),
         (_, Value::String(text)) => of_hexadecimal(text)
             .ok_or_else(|| format!("`{text}` is not bytes: write them in hexadecimal, such as \"0a1b2c\"")),
         (_, other) => Err(format!(

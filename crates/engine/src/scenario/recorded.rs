@@ -98,7 +98,7 @@ fn kept(spec: &StreamSpec, part: &RecordPart) -> Result<Kept, (&'static str, Str
             let every_ticks = ticks("every", every)?;
             if every_ticks % period != 0 {
                 let reason = format!(
-                    "{every} is no whole multiple of the period of `{}`, {}",
+                    "{every} is not a whole multiple of the period of `{}`, {}",
                     spec.name(),
                     spec.period
                 );

@@ -116,6 +116,7 @@ impl Scenario {
             folder: spec.folder_at(file),
             origin: spec.origin.clone(),
         };
+        mistakes.extend(one_line(&source, &spec.title));
         let mut all: Vec<&String> = spec.participants.keys().chain(&broken.participants).collect();
         all.sort();
         let names = Names::new(all.iter().map(|name| (*name).clone()));
@@ -281,7 +282,7 @@ impl Scenario {
             let port = format!("{}.{input}", self.participants[*participant].setup.name);
             remark(
                 "inputs",
-                format!("nobody feeds `{port}`: it holds zero unless a program sets it while the run goes on"),
+                format!("no output is connected to `{port}`: it is zero unless a program that drives the run sets it"),
             );
         }
         for (name, connection) in self.spec.connections.iter().filter(|(_, own)| own.hold == Hold::Linear) {
@@ -372,6 +373,14 @@ impl Scenario {
         };
         self.source.mistake(&key, reason)
     }
+}
+
+/// The mistake in `title`, which is printed in the terminal and shown in pages, so it must not contain control characters.
+fn one_line(source: &Source, title: &str) -> Option<Mistake> {
+    let separates = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}');
+    let bad = title.chars().find(|&c| separates(c))?;
+    let reason = format!("{title:?} has the control character {bad:?}: write one line without control characters");
+    Some(source.mistake("title", reason))
 }
 
 /// The participant and the input that an entry of `inputs` names.

@@ -20,7 +20,7 @@ pub(super) fn symbol(value: &Value, field: &Field) -> Result<u8, String> {
     };
     let named = named.filter(|byte| field.element.room().is_none() && field.allows(f64::from(*byte)));
     named.ok_or_else(|| match field.element {
-        Element::Bool => format!("`{value}` is no truth value: write true or false"),
+        Element::Bool => format!("`{value}` is not a truth value: write true or false"),
         Element::Text(_) | Element::Bytes(_) => "texts and bytes cannot be given here".to_owned(),
         _ => {
             let known: Vec<String> = field.values.iter().map(|named| format!("\"{}\"", named.name)).collect();

@@ -23,7 +23,7 @@ pub enum RunError {
     },
     /// No participant can continue. This is a mistake in the plan, not in a participant.
     #[error(
-        "nobody can go on at t = {t} s; {waiting} (this is a defect of the planner: please report it with the scenario)"
+        "no participant can continue at t = {t} s; {waiting} (this is a defect of the planner: please report it with the scenario)"
     )]
     Stuck {
         /// The earliest instant, s.

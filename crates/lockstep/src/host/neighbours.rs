@@ -4,12 +4,12 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use crate::plan::{Consumer, InputLink};
-use crate::transport::iceoryx::{Domain, DomainError, Sleeping, Waker};
+use crate::transport::iceoryx::{Domain, DomainError, WaitReason, Waker};
 use crate::transport::{Broken, Header, Receiver, Sender};
 
 /// Something for which a neighbour may sleep, and whether it has happened since the neighbour was last checked.
 struct News {
-    what: Sleeping,
+    what: WaitReason,
     came: Rc<Cell<bool>>,
 }
 
@@ -75,7 +75,7 @@ impl Neighbours {
         to: &Consumer,
         end: impl Sender + 'static,
     ) -> Result<Box<dyn Sender>, DomainError> {
-        let came = self.meet(domain, &to.to, Sleeping::for_sample(to.link))?;
+        let came = self.meet(domain, &to.to, WaitReason::for_sample(to.link))?;
         Ok(Box::new(Noted { end, came }))
     }
 
@@ -86,11 +86,11 @@ impl Neighbours {
         from: &InputLink,
         end: impl Receiver + 'static,
     ) -> Result<Box<dyn Receiver>, DomainError> {
-        let came = self.meet(domain, &from.from, Sleeping::for_room(from.link))?;
+        let came = self.meet(domain, &from.from, WaitReason::for_room(from.link))?;
         Ok(Box::new(Noted { end, came }))
     }
 
-    fn meet(&mut self, domain: &Domain, port: &str, what: Sleeping) -> Result<Rc<Cell<bool>>, DomainError> {
+    fn meet(&mut self, domain: &Domain, port: &str, what: WaitReason) -> Result<Rc<Cell<bool>>, DomainError> {
         let name = port.split('.').next().unwrap_or(port);
         let came = Rc::new(Cell::new(false));
         // A participant that feeds itself is awake when it does.

@@ -8,7 +8,7 @@ use super::HostError;
 use super::neighbours::Neighbours;
 use super::spans::Spans;
 use super::waiting::Patience;
-use crate::control::{Note, Timing, Waiting};
+use crate::control::{ParticipantEvent, Timing, Waiting};
 use crate::participant::Participant;
 use crate::plan::{Assignment, Position};
 use crate::span::{Doing, now_ns};
@@ -16,8 +16,8 @@ use crate::stepper::{Ends, PositionError, Progress, StepError, Stepper, Wait};
 use crate::time::Ticks;
 use crate::transport::Broken;
 use crate::transport::iceoryx::{
-    Activity, ClockReader, Domain, DomainError, LinkService, Order, RecordSender, SharedRecord, Sleeper, Sleeping,
-    Status, StatusWriter,
+    Activity, ClockReader, Command, Domain, DomainError, LinkService, RecordSender, SharedRecord, Sleeper, Status,
+    StatusWriter, WaitReason,
 };
 
 /// The time between two polls of a participant that must hand something over when there is no room.
@@ -68,8 +68,8 @@ pub(super) enum Pause {
     AtHorizon(Ticks),
     /// Everything is done.
     Finished,
-    /// The clock has an order for all participants.
-    Ordered,
+    /// The clock has a command for all participants.
+    Commanded,
 }
 
 /// Opens all links of `participant`; `room` is the size of its record's ring, bytes.
@@ -144,7 +144,7 @@ pub(super) fn connect(
 }
 
 impl Ready {
-    /// Steps until `horizon`, the end, or an order of the clock.
+    /// Steps until `horizon`, the end, or a command of the clock.
     pub(super) fn advance(
         &mut self,
         horizon: Ticks,
@@ -179,7 +179,7 @@ impl Ready {
             }
             if let Progress::Waiting(wait) = progress {
                 if self.wait(wait, &mut waiting, status, sleeper)? {
-                    return Ok(Pause::Ordered);
+                    return Ok(Pause::Commanded);
                 }
                 continue;
             }
@@ -194,23 +194,23 @@ impl Ready {
                         activity: Activity::Computing,
                     });
                     self.hand_out_spans()?;
-                    if activation % 256 == 255 && self.clock.order() != Order::GoOn {
-                        return Ok(Pause::Ordered);
+                    if activation % 256 == 255 && self.clock.command() != Command::Run {
+                        return Ok(Pause::Commanded);
                     }
                 }
                 Progress::AtHorizon => {
                     let next = activation;
-                    let activity = Activity::Rest;
+                    let activity = Activity::Paused;
                     self.pause(started, Status { next, activity }, status, sleeper)?;
                     self.spans.iter_mut().for_each(Spans::rests);
-                    self.hand_over(&Note::AtRest { horizon, next }, sleeper)?;
+                    self.hand_over(&ParticipantEvent::AtHorizon { horizon, next }, sleeper)?;
                     return Ok(Pause::AtHorizon(horizon));
                 }
                 Progress::Finished => {
                     self.timing.sleeps = self.patience.sleeps;
                     let (next, activity) = (count, Activity::Finished);
                     self.pause(started, Status { next, activity }, status, sleeper)?;
-                    self.hand_over(&Note::Finished(self.timing.clone()), sleeper)?;
+                    self.hand_over(&ParticipantEvent::Finished(self.timing.clone()), sleeper)?;
                     return Ok(Pause::Finished);
                 }
                 // In a process, no participant is held and no step is left to the caller.
@@ -232,7 +232,7 @@ impl Ready {
         self.hand_over_spans(sleeper)
     }
 
-    /// Pauses before the next poll; returns whether the clock has an order.
+    /// Pauses before the next poll; returns whether the clock has a command.
     fn wait(
         &mut self,
         wait: Wait,
@@ -258,7 +258,7 @@ impl Ready {
                 next: self.stepper.next_activation(),
                 activity: activity(wait),
             });
-            if self.clock.order() != Order::GoOn {
+            if self.clock.command() != Command::Run {
                 return Ok(true);
             }
         }
@@ -284,27 +284,27 @@ impl Ready {
             if rests.map_err(|source| self.failed(source))? {
                 break;
             }
-            if self.clock.order() == Order::Leave {
+            if self.clock.command() == Command::Terminate {
                 return Ok(());
             }
             sleeper.sleep(NAP)?;
         }
         self.patience.rest(status);
         let next = self.stepper.next_activation();
-        let activity = Activity::Rest;
+        let activity = Activity::Paused;
         status.set(Status { next, activity });
         self.hand_over_spans(sleeper)?;
-        Ok(self.hand_over(&Note::Recalled { next }, sleeper)?)
+        Ok(self.hand_over(&ParticipantEvent::Paused { next }, sleeper)?)
     }
 
-    fn sleeping(&self, wait: Wait) -> Sleeping {
+    fn sleeping(&self, wait: Wait) -> WaitReason {
         let own = self.stepper.assignment();
         match wait {
-            Wait::Sample { input, .. } => Some(Sleeping::for_sample(own.inputs[input].link)),
-            Wait::Room { output, consumer } => Some(Sleeping::for_room(own.outputs[output].consumers[consumer].link)),
+            Wait::Sample { input, .. } => Some(WaitReason::for_sample(own.inputs[input].link)),
+            Wait::Room { output, consumer } => Some(WaitReason::for_room(own.outputs[output].consumers[consumer].link)),
             Wait::Recording => None,
         }
-        .unwrap_or(Sleeping::FOR_ANYTHING)
+        .unwrap_or(WaitReason::FOR_ANYTHING)
     }
 
     fn account(&mut self, Waited { what, since, until, .. }: Waited) {
@@ -316,9 +316,9 @@ impl Ready {
         }
     }
 
-    /// Sends a note to the recorder, after all samples.
-    pub(super) fn hand_over(&mut self, note: &Note, sleeper: &mut Sleeper) -> Result<(), Broken> {
-        while !self.record.0.borrow_mut().note(note)? && self.clock.order() != Order::Leave {
+    /// Sends an event to the recorder, after all samples.
+    pub(super) fn hand_over(&mut self, event: &ParticipantEvent, sleeper: &mut Sleeper) -> Result<(), Broken> {
+        while !self.record.0.borrow_mut().event(event)? && self.clock.command() != Command::Terminate {
             sleeper.sleep(NAP)?;
         }
         Ok(())
@@ -358,8 +358,8 @@ impl Ready {
     /// Sends spans as far as there is room, when they are due.
     fn hand_out_spans(&mut self) -> Result<(), Broken> {
         while let Some(spans) = self.spans.as_mut().filter(|spans| spans.is_due())
-            && let Some(note) = spans.note()
-            && self.record.0.borrow_mut().note(&note)?
+            && let Some(event) = spans.event()
+            && self.record.0.borrow_mut().event(&event)?
         {
             spans.handed();
         }
@@ -368,8 +368,8 @@ impl Ready {
 
     /// Sends all spans.
     pub(super) fn hand_over_spans(&mut self, sleeper: &mut Sleeper) -> Result<(), Broken> {
-        while let Some(note) = self.spans.as_ref().and_then(Spans::note) {
-            self.hand_over(&note, sleeper)?;
+        while let Some(event) = self.spans.as_ref().and_then(Spans::event) {
+            self.hand_over(&event, sleeper)?;
             self.spans.iter_mut().for_each(Spans::handed);
         }
         Ok(())

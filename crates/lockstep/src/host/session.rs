@@ -6,14 +6,14 @@ use std::time::{Duration, Instant};
 use super::HostError;
 use super::ready::{Pause, Ready, connect};
 use super::spans::Spans;
-use crate::control::{Note, PROTOCOL, Reply, Request, Timing, Waiting};
+use crate::control::{PROTOCOL, ParticipantEvent, Reply, Request, Timing, Waiting};
 use crate::panic::message;
 use crate::participant::{Factory, Log, Participant, Setup, Termination};
 use crate::plan::{Assignment, Position};
 use crate::span::Detail;
 use crate::stepper::{settle, terminate};
 use crate::time::Ticks;
-use crate::transport::iceoryx::{Address, ControlServer, Domain, Order, Sleeper, StatusWriter};
+use crate::transport::iceoryx::{Address, Command, ControlServer, Domain, Sleeper, StatusWriter};
 
 /// The state of a session that is independent of its address in shared memory.
 pub(super) struct Seat {
@@ -74,7 +74,7 @@ pub(super) struct Session {
     status: StatusWriter,
     sleeper: Sleeper,
     seat: Seat,
-    /// The address to go to when the clock orders to leave; `None` when it is not known.
+    /// The address to go to when the clock commands to terminate; `None` when it is not known.
     destination: Option<Address>,
 }
 
@@ -109,19 +109,19 @@ impl Session {
                 }
                 Stage::Ready(ready) => {
                     let horizon = ready.clock.horizon();
-                    match ready.clock.order() {
-                        Order::Leave => return Ok(self.leave()),
-                        Order::Rest if !recalled => {
+                    match ready.clock.command() {
+                        Command::Terminate => return Ok(self.leave()),
+                        Command::Pause if !recalled => {
                             let result = ready.recall(&mut self.status, &mut self.sleeper);
                             self.explain(result)?;
                             recalled = true;
                             continue;
                         }
-                        Order::Rest | Order::GoOn => {}
+                        Command::Pause | Command::Run => {}
                     }
                     if recalled || horizon == Ticks::MIN || rested_at == Some(horizon) {
                         let since = Instant::now();
-                        ready.patience.doze(&mut self.sleeper)?;
+                        ready.patience.sleep(&mut self.sleeper)?;
                         ready.timing.horizon_ns += since.elapsed().as_nanos() as u64;
                         self.serve()?;
                         continue;
@@ -129,9 +129,9 @@ impl Session {
                     let result = ready.advance(horizon, &mut self.status, &mut self.sleeper);
                     match self.explain(result)? {
                         Pause::AtHorizon(horizon) => rested_at = Some(horizon),
-                        // Keeps serving requests (such as saving a last state) until the order or the request to leave.
+                        // Keeps serving requests (such as saving a last state) until the command or the request to terminate.
                         Pause::Finished => rested_at = Some(horizon),
-                        Pause::Ordered => {}
+                        Pause::Commanded => {}
                     }
                 }
             }
@@ -233,12 +233,12 @@ impl Session {
                 other => other.to_string(),
             };
             ready.hand_over_spans(&mut self.sleeper)?;
-            let note = Note::Failed {
+            let event = ParticipantEvent::Failed {
                 activation,
                 t: t.to_string(),
                 reason,
             };
-            ready.hand_over(&note, &mut self.sleeper)?;
+            ready.hand_over(&event, &mut self.sleeper)?;
         }
         result
     }
@@ -258,7 +258,9 @@ impl Seat {
             return refused("it is not time to connect: configure first");
         };
         match &mut position {
-            None if *worked => return refused("it has worked already and must be told where to go on"),
+            None if *worked => {
+                return refused("it has already been initialised, so a position to continue from is required");
+            }
             None => {}
             Some(position) => {
                 let instant = assignment.sample_time.instant(position.next);

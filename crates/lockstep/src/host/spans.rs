@@ -1,20 +1,20 @@
 //! The spans of one participant before they are sent to the orchestrator.
 
-use crate::control::Note;
+use crate::control::ParticipantEvent;
 use crate::span::{Detail, Doing, Span, core, now_ns};
 
 /// The most spans kept while the recorder has no room for them. Later ones are dropped and counted.
 const KEPT: usize = 4096;
-/// Spans in one note, which stays below the size of the longest one.
+/// Spans in one event, which stays below the size of the longest one.
 const TOGETHER: usize = 64;
-/// The longest interval between two notes, ns.
+/// The longest interval between two events, ns.
 const EVERY_NS: u64 = 20_000_000;
 
 /// The spans that have not been sent yet.
 pub(super) struct Spans {
     detail: Detail,
     kept: Vec<Span>,
-    /// The number of spans dropped since the last note.
+    /// The number of spans dropped since the last event.
     lost: u64,
     handed_ns: u64,
     /// When the participant reached the horizon, ns.
@@ -80,23 +80,23 @@ impl Spans {
         }
     }
 
-    /// Whether a note is due.
+    /// Whether an event is due.
     pub(super) fn is_due(&self) -> bool {
         let newest = self.kept.last().map_or(0, |span| span.end_ns);
         self.kept.len() >= TOGETHER || newest > self.handed_ns + EVERY_NS
     }
 
-    /// The next note, if there is anything to report.
-    pub(super) fn note(&self) -> Option<Note> {
+    /// The next event, if there is anything to report.
+    pub(super) fn event(&self) -> Option<ParticipantEvent> {
         let spans = &self.kept[..self.kept.len().min(TOGETHER)];
-        (!spans.is_empty() || self.lost > 0).then(|| Note::Spans {
+        (!spans.is_empty() || self.lost > 0).then(|| ParticipantEvent::Spans {
             // The dropped spans came after all that are kept.
             lost: if spans.len() == self.kept.len() { self.lost } else { 0 },
             spans: spans.to_vec(),
         })
     }
 
-    /// Records that the note was sent.
+    /// Records that the event was sent.
     pub(super) fn handed(&mut self) {
         let count = self.kept.len().min(TOGETHER);
         self.handed_ns = self.kept.get(count.saturating_sub(1)).map_or(0, |span| span.end_ns);
@@ -117,7 +117,7 @@ mod tests {
         let count = KEPT as u64 + 10;
         (0..count).for_each(|at| spans.waited(at, Doing::Recorder, 0, at, at + 1));
         let (mut told, mut left_out) = (Vec::new(), 0);
-        while let Some(Note::Spans { lost, spans: some }) = spans.note() {
+        while let Some(ParticipantEvent::Spans { lost, spans: some }) = spans.event() {
             assert_eq!(left_out, 0, "nothing is told behind what is missing");
             left_out += lost;
             told.extend(some.iter().map(|span| span.activation));
@@ -127,11 +127,11 @@ mod tests {
     }
 
     #[test]
-    fn steps_alone_are_kept_where_nobody_asks_for_waits() {
+    fn only_steps_are_kept_where_waits_are_not_requested() {
         let mut spans = Spans::new(Detail::Steps);
         spans.waited(0, Doing::Horizon, 0, 0, 1);
-        assert_eq!(spans.note(), None);
+        assert_eq!(spans.event(), None);
         spans.computed(3, now_ns(), true);
-        assert!(matches!(spans.note(), Some(Note::Spans { lost: 0, spans }) if spans[0].activation == 3));
+        assert!(matches!(spans.event(), Some(ParticipantEvent::Spans { lost: 0, spans }) if spans[0].activation == 3));
     }
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::control::Waiting;
 use crate::transport::interface::Broken;
-use crate::transport::lock_free::asleep::{Announce, Sleep, Sleeping};
+use crate::transport::lock_free::wait_reason::{Announce, Sleep, WaitReason};
 
 /// The longest sleep without a poll, so that a waker that died between publishing and waking costs no more than this.
 const SLEEP_MAX: Duration = Duration::from_millis(20);
@@ -14,7 +14,7 @@ pub(crate) struct Patience {
     strategy: Waiting,
     looks: u32,
     turns: Turns,
-    asleep: Option<Sleeping>,
+    wait_reason: Option<WaitReason>,
     /// The total number of sleeps.
     pub(crate) sleeps: u64,
 }
@@ -25,7 +25,7 @@ impl Patience {
             strategy,
             looks: 0,
             turns: Turns::default(),
-            asleep: None,
+            wait_reason: None,
             sleeps: 0,
         }
     }
@@ -37,14 +37,14 @@ impl Patience {
             self.turns.came_after(yields);
         }
         self.looks = 0;
-        if self.asleep.take().is_some() {
-            status.set_asleep(None);
+        if self.wait_reason.take().is_some() {
+            status.set_wait_reason(None);
         }
     }
 
     /// True when it is time to read the stop flag and to publish what is waited for: at every sleep, and at every 64th poll after the spins.
     pub(crate) fn is_long(&self) -> bool {
-        self.asleep.is_some() || (self.looks > self.strategy.spins && self.looks.is_multiple_of(64))
+        self.wait_reason.is_some() || (self.looks > self.strategy.spins && self.looks.is_multiple_of(64))
     }
 
     /// Whether the last pause took longer than reading the clock, or there were enough pauses since the last time.
@@ -55,7 +55,7 @@ impl Patience {
     /// Pauses before the next poll for `what`.
     pub(crate) fn pause(
         &mut self,
-        what: Sleeping,
+        what: WaitReason,
         status: &mut impl Announce,
         sleeper: &mut impl Sleep,
     ) -> Result<(), Broken> {
@@ -67,10 +67,10 @@ impl Patience {
                 std::thread::sleep(Duration::from_nanos(1));
             }
             rustix::thread::sched_yield();
-        } else if self.asleep != Some(what) {
+        } else if self.wait_reason != Some(what) {
             // Announce the sleep, then poll once more: a process that publishes after that poll sees the announcement.
-            self.asleep = Some(what);
-            status.set_asleep(self.asleep);
+            self.wait_reason = Some(what);
+            status.set_wait_reason(self.wait_reason);
         } else {
             self.sleeps += 1;
             sleeper.sleep(SLEEP_MAX)?;
@@ -79,7 +79,7 @@ impl Patience {
     }
 
     /// Sleeps at once, for waits that are known to be long.
-    pub(crate) fn doze(&mut self, sleeper: &mut impl Sleep) -> Result<(), Broken> {
+    pub(crate) fn sleep(&mut self, sleeper: &mut impl Sleep) -> Result<(), Broken> {
         sleeper.sleep(SLEEP_MAX)
     }
 }

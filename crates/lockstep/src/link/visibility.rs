@@ -51,7 +51,7 @@ pub enum TimingError {
         value: Rational,
     },
     /// A probability outside [0, 1].
-    #[error("drop is {0}: a probability lies between 0 and 1")]
+    #[error("drop is {0}, which is not a probability: write a value between 0 and 1")]
     Probability(f64),
     /// The fractions are too fine.
     #[error("delay {delay} and jitter {jitter} need more than 127 bits against the tick: write them with fewer digits")]

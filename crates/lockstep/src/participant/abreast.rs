@@ -130,8 +130,8 @@ fn step<P: StepAbreast>(pending: &mut [&mut Pending<'_>], common: &mut dyn Any) 
             })
         })
         .collect();
-    let mut afresh = P::Common::default();
-    P::step_abreast(&mut those, common.downcast_mut().unwrap_or(&mut afresh));
+    let mut fresh = P::Common::default();
+    P::step_abreast(&mut those, common.downcast_mut().unwrap_or(&mut fresh));
 }
 
 /// Executes steps of different runs together, type by type, and keeps the working data of each type.

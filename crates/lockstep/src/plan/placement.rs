@@ -35,7 +35,7 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
             .join("+")
     };
     if cores.len() < 2 {
-        let reason = "one core: everybody takes turns on it".to_owned();
+        let reason = "one core: all participants share it".to_owned();
         return Placement {
             cores: vec![None; count],
             sharing: vec![count; count],
@@ -77,7 +77,7 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
         .map(|(groups, core)| format!("core {core}: {}", groups.join(", ")))
         .collect();
     let reason = format!(
-        "{} cores for {count} participants: those who take turns share a core ({})",
+        "{} cores for {count} participants: participants that alternate share a core ({})",
         cores.len(),
         listed.join("; ")
     );

@@ -193,7 +193,7 @@ impl Stepper {
         loop {
             match self.phase {
                 Phase::Initialise => self.initialise()?,
-                Phase::Gather { .. } | Phase::Ready | Phase::Parked => self.phase = Phase::Rest,
+                Phase::Gather { .. } | Phase::Ready | Phase::Parked => self.phase = Phase::Idle,
                 Phase::Record { output } => {
                     if !self.record(output)? {
                         return Ok(false);
@@ -207,9 +207,9 @@ impl Stepper {
                 Phase::Publish { .. } => {
                     self.next += u64::from(self.initialised);
                     self.initialised = true;
-                    self.phase = Phase::Rest;
+                    self.phase = Phase::Idle;
                 }
-                Phase::Rest => return Ok(true),
+                Phase::Idle => return Ok(true),
             }
         }
     }
@@ -229,7 +229,7 @@ impl Stepper {
         loop {
             match self.phase {
                 Phase::Initialise => self.initialise()?,
-                Phase::Rest => {
+                Phase::Idle => {
                     let at_end = self.next >= self.assignment.activations;
                     if at_end || self.next_instant() >= self.horizon {
                         return Ok(if at_end {
@@ -273,7 +273,7 @@ impl Stepper {
                     if let Some(wait) = self.publish(output)? {
                         return Ok(Progress::Waiting(wait));
                     }
-                    self.phase = Phase::Rest;
+                    self.phase = Phase::Idle;
                     if std::mem::replace(&mut self.initialised, true) {
                         self.next += 1;
                         return Ok(Progress::Stepped);
@@ -298,7 +298,7 @@ impl Stepper {
             self.phase = Phase::Record { output: 0 };
         } else {
             self.initialised = true;
-            self.phase = Phase::Rest;
+            self.phase = Phase::Idle;
         }
         Ok(())
     }

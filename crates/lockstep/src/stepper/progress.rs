@@ -69,7 +69,7 @@ pub(super) enum Phase {
     /// The outputs for the first instant have not been written.
     Initialise,
     /// Between activations.
-    Rest,
+    Idle,
     /// Getting the sample of this link.
     Gather { input: usize },
     /// The inputs are complete, as the participant sees them.

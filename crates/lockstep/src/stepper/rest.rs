@@ -33,7 +33,7 @@ impl Stepper {
         }
         stepper.initialised = true;
         stepper.orders.begun = true;
-        stepper.phase = Phase::Rest;
+        stepper.phase = Phase::Idle;
         Ok(stepper)
     }
 

@@ -25,7 +25,7 @@ pub enum TimeError {
         /// What was written.
         text: String,
     },
-    /// The unit is missing or not one of time.
+    /// The unit is not one of time.
     #[error(
         "`{text}` has the unit `{unit}`, which is not one of time: use ns, us, ms, s, min, h, or Hz, kHz for a rate"
     )]
@@ -34,6 +34,18 @@ pub enum TimeError {
         text: String,
         /// The part taken for a unit.
         unit: String,
+    },
+    /// The fraction has the denominator zero.
+    #[error("`{text}` has the denominator zero: write another one, for example \"1/300 s\"")]
+    ZeroDenominator {
+        /// What was written.
+        text: String,
+    },
+    /// A rate is zero or negative, so it has no period.
+    #[error("`{text}` is not a rate above zero: write a rate such as \"30 Hz\", or a period such as \"10 ms\"")]
+    Rate {
+        /// What was written.
+        text: String,
     },
     /// The value does not fit a 64-bit fraction.
     #[error("`{text}` needs a fraction with more than 63 bits: write it with fewer digits")]
@@ -145,7 +157,6 @@ pub(crate) fn nearest_double(numerator: i128, denominator: i128) -> f64 {
 
 /// The same where both are exactly representable as doubles, so that the one division is the only rounding. Almost every time of a run is
 /// of this kind, and 64-bit conversions are one instruction each.
-/// 64-bit conversions are one instruction each.
 #[inline]
 pub(super) fn quotient(numerator: i64, denominator: i64) -> Option<f64> {
     const EXACT: u64 = 1 << 53;
@@ -216,6 +227,9 @@ impl FromStr for Rational {
             Some((above, below)) => {
                 let (a, b) = decimal(above.trim()).ok_or_else(syntax)?;
                 let (c, d) = decimal(below.trim()).ok_or_else(syntax)?;
+                if c == 0 {
+                    return Err(TimeError::ZeroDenominator { text: text.to_owned() });
+                }
                 (a.checked_mul(d).ok_or_else(range)?, b.checked_mul(c).ok_or_else(range)?)
             }
         };
@@ -226,13 +240,14 @@ impl FromStr for Rational {
         let rate = |per_second: i128| -> Result<Rational, TimeError> {
             let hertz = scaled(per_second, 1).ok_or_else(range)?;
             if !hertz.is_positive() {
-                return Err(syntax());
+                return Err(TimeError::Rate { text: text.to_owned() });
             }
             Rational::new(i128::from(hertz.denominator), i128::from(hertz.numerator)).ok_or_else(range)
         };
         match unit {
             "Hz" => rate(1),
             "kHz" => rate(1000),
+            "" => Err(syntax()),
             _ => {
                 let &(_, n, d) = UNITS
                     .iter()
@@ -350,6 +365,24 @@ mod tests {
             "", "10", "ms", "ten ms", "10 m", "1/0 s", "0 Hz", "-2 Hz", "1 2 s", "1e99 s", "0.2 deg",
         ] {
             assert!(text.parse::<Rational>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn refusal_names_text_and_defect() {
+        for (text, part) in [
+            ("1/0 s", "denominator zero"),
+            ("0/0 ms", "denominator zero"),
+            ("1/0.0 Hz", "denominator zero"),
+            ("0 Hz", "not a rate above zero"),
+            ("-2 kHz", "not a rate above zero"),
+            ("1/2", "write a number and a unit"),
+            ("1 deg", "the unit `deg`"),
+            ("1e30 s", "more than 63 bits"),
+        ] {
+            let refused = text.parse::<Rational>().unwrap_err().to_string();
+            assert!(refused.starts_with(&format!("`{text}`")), "{refused}");
+            assert!(refused.contains(part), "{part}: {refused}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! The clock: who dozes at the horizon sees it move, and an order to leave is seen by who is woken for it.
+//! The clock: a participant that sleeps at the horizon sees it move, and sees the command to terminate when it is woken.
 
 use testing::loom::thread;
 
@@ -6,15 +6,15 @@ use crate::control::Waiting;
 use crate::model::{Board, Event, check};
 use crate::time::Ticks;
 use crate::transport::lock_free::board::Get;
-use crate::transport::lock_free::clock::{GO_ON, Horizon, Order, give, order};
+use crate::transport::lock_free::clock::{Command, Horizon, RUN, command, set_command};
 use crate::waiting::Patience;
 
-/// A participant goes along with the horizon until it is told to leave. `ring`: the orchestrator wakes it after each change.
+/// A participant goes along with the horizon until the command to terminate. `ring`: the orchestrator wakes it after each change.
 fn go_along(ring: bool) {
     check(3, move || {
-        let (horizon, orders) = (Board::new(Ticks::MIN as u64), Board::new(GO_ON));
+        let (horizon, commands) = (Board::new(Ticks::MIN as u64), Board::new(RUN));
         let mut event = Event::new();
-        let (seen_horizon, seen_orders, bell) = (horizon.clone(), orders.clone(), event.clone());
+        let (seen_horizon, seen_commands, notifier) = (horizon.clone(), commands.clone(), event.clone());
         let orchestrator = thread::spawn(move || {
             let mut clock = Horizon::START;
             // Backwards it does not go.
@@ -23,35 +23,35 @@ fn go_along(ring: bool) {
                 assert_eq!(clock.now(), 20);
             }
             if ring {
-                bell.ring();
+                notifier.notify();
             }
-            give(&*orders, Order::Leave);
+            set_command(&*commands, Command::Terminate);
             if ring {
-                bell.ring();
+                notifier.notify();
             }
         });
         let mut patience = Patience::new(Waiting { spins: 0, yields: 0 });
         let mut seen = Ticks::MIN;
-        while order(&*seen_orders) != Order::Leave {
+        while command(&*seen_commands) != Command::Terminate {
             let now: Ticks = seen_horizon.get();
             assert!(seen <= now && (now == Ticks::MIN || now == 20), "{now} after {seen}");
             if now == seen {
-                patience.doze(&mut event).expect("an event");
+                patience.sleep(&mut event).expect("an event");
             }
             seen = now;
         }
         assert_eq!(Get::<Ticks>::get(&*seen_horizon), 20, "the horizon was moved before");
-        orchestrator.join().expect("it told everything");
+        orchestrator.join().expect("it has sent everything");
     });
 }
 
 #[test]
-fn horizon_and_orders_reach_who_dozes() {
+fn sleeping_participant_sees_horizon_and_command() {
     go_along(true);
 }
 
 #[test]
 #[should_panic(expected = "deadlock")]
-fn without_the_bell_they_do_not() {
+fn without_a_notification_it_does_not() {
     go_along(false);
 }

@@ -40,7 +40,7 @@ fn receive(receiver: &mut EntryReceiver, words: &[Word], count: &Board, known: u
             payload,
         } = entry
         else {
-            panic!("there are no notes");
+            panic!("there are no events");
         };
         let (due, index) = (samples % 2, samples / 2);
         assert_eq!((u64::from(stream), found), (due, header(index)));

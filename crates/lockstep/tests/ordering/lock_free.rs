@@ -1,7 +1,5 @@
 //! The files under test, with the model checker's atomics in the place of the processor's.
 
-#[path = "../../src/transport/lock_free/asleep.rs"]
-pub mod asleep;
 #[path = "../../src/transport/lock_free/board.rs"]
 pub mod board;
 #[path = "../../src/transport/lock_free/clock.rs"]
@@ -14,5 +12,7 @@ pub mod room;
 pub mod slots;
 #[path = "sync.rs"]
 pub mod sync;
+#[path = "../../src/transport/lock_free/wait_reason.rs"]
+pub mod wait_reason;
 #[path = "../../src/transport/lock_free/words.rs"]
 pub mod words;

@@ -10,7 +10,7 @@
 #![allow(dead_code, reason = "the files under test have more in them than these tests call")]
 
 mod control {
-    pub use lockstep::control::{Note, Waiting};
+    pub use lockstep::control::{ParticipantEvent, Waiting};
 }
 mod time {
     pub use lockstep::time::Ticks;

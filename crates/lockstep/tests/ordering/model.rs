@@ -5,9 +5,9 @@ use std::time::Duration;
 use testing::loom::sync::{Arc, Condvar, Mutex};
 
 use crate::transport::interface::Broken;
-use crate::transport::lock_free::asleep::{Announce, Sleep, Sleeping, set_asleep};
 use crate::transport::lock_free::board::{Get, Set};
 use crate::transport::lock_free::sync::{AtomicU64, Ordering};
+use crate::transport::lock_free::wait_reason::{Announce, Sleep, WaitReason, set_wait_reason};
 use crate::transport::lock_free::words::Word;
 
 /// Runs `body` in every order with at most `preemptions` switches away from a thread that could have gone on. Two are known to show nearly
@@ -56,12 +56,12 @@ impl Set<i64> for Board {
     }
 }
 
-/// A participant's *asleep* word.
-pub(crate) struct AsleepWord(pub(crate) Arc<Board>);
+/// A participant's *wait reason* word.
+pub(crate) struct WaitReasonWord(pub(crate) Arc<Board>);
 
-impl Announce for AsleepWord {
-    fn set_asleep(&mut self, what: Option<Sleeping>) {
-        set_asleep(&*self.0, what);
+impl Announce for WaitReasonWord {
+    fn set_wait_reason(&mut self, what: Option<WaitReason>) {
+        set_wait_reason(&*self.0, what);
     }
 }
 
@@ -74,7 +74,7 @@ impl Event {
         Event(Arc::new((Mutex::new(false), Condvar::new())))
     }
 
-    pub(crate) fn ring(&self) {
+    pub(crate) fn notify(&self) {
         *self.0.0.lock().expect("nobody panics") = true;
         self.0.1.notify_one();
     }

@@ -1,14 +1,14 @@
-//! Sleep and wake-up: nobody sleeps on while what it waits for is there.
+//! Sleep and wake-up: no participant stays asleep while what it waits for is there.
 
 use testing::loom::sync::Arc;
 use testing::loom::thread;
 
 use crate::control::Waiting;
-use crate::model::{AsleepWord, Board, Event, check, memory};
+use crate::model::{Board, Event, WaitReasonWord, check, memory};
 use crate::transport::interface::Header;
-use crate::transport::lock_free::asleep::{Sleeping, must_be_woken};
 use crate::transport::lock_free::slots::{SlotReceiver, SlotSender, Slots};
 use crate::transport::lock_free::sync::{Ordering, lack};
+use crate::transport::lock_free::wait_reason::{WaitReason, must_be_woken};
 use crate::transport::lock_free::words::Word;
 use crate::waiting::Patience;
 
@@ -19,15 +19,15 @@ struct End {
     words: Arc<Vec<Word>>,
     count: Arc<Board>,
     patience: Patience,
-    own: AsleepWord,
+    own: WaitReasonWord,
     bed: Event,
     other: Arc<Board>,
-    bell: Event,
+    notifier: Event,
 }
 
 impl End {
     /// Tries until it works, and sleeps in between at once: no spinning, no yielding.
-    fn until<T>(&mut self, what: Sleeping, mut attempt: impl FnMut(&[Word], &Board) -> Option<T>) -> T {
+    fn until<T>(&mut self, what: WaitReason, mut attempt: impl FnMut(&[Word], &Board) -> Option<T>) -> T {
         loop {
             if let Some(done) = attempt(&self.words, &self.count) {
                 self.patience.rest(&mut self.own);
@@ -38,9 +38,9 @@ impl End {
         }
     }
 
-    fn wake(&self, came: Sleeping) {
+    fn wake(&self, came: WaitReason) {
         if must_be_woken(&*self.other, |what| what == came) {
-            self.bell.ring();
+            self.notifier.notify();
         }
     }
 }
@@ -54,23 +54,23 @@ fn ends() -> [End; 2] {
         words: words.clone(),
         count: count.clone(),
         patience: Patience::new(Waiting { spins: 0, yields: 0 }),
-        own: AsleepWord(asleep[own].clone()),
+        own: WaitReasonWord(asleep[own].clone()),
         bed: events[own].clone(),
         other: asleep[1 - own].clone(),
-        bell: events[1 - own].clone(),
+        notifier: events[1 - own].clone(),
     })
 }
 
 fn send(end: &mut End, sender: &mut SlotSender, index: u64) {
     let header = Header { index, stamp: 0 };
-    end.until(Sleeping::for_room(0), |words, count| {
+    end.until(WaitReason::for_room(0), |words, count| {
         let sent = sender.try_send(words, count, header, &[7; 8]);
         sent.expect("the receiver counts rightly").then_some(())
     });
 }
 
 fn receive(end: &mut End, receiver: &mut SlotReceiver) -> u64 {
-    let header = end.until(Sleeping::for_sample(0), |words, count| {
+    let header = end.until(WaitReason::for_sample(0), |words, count| {
         let received = receiver.try_receive(words, count, &mut [0; 8]);
         received.expect("the sender numbers rightly")
     });
@@ -86,14 +86,14 @@ fn send_sleeping(samples: u64, lacks: [Option<Ordering>; 2]) {
             let mut sender = SlotSender::new(SLOTS);
             for index in 0..samples {
                 send(&mut sending, &mut sender, index);
-                sending.wake(Sleeping::for_sample(0));
+                sending.wake(WaitReason::for_sample(0));
             }
         });
         lack(lacks[1]);
         let mut receiver = SlotReceiver::new(SLOTS);
         for index in 0..samples {
             assert_eq!(receive(&mut receiving, &mut receiver), index);
-            receiving.wake(Sleeping::for_room(0));
+            receiving.wake(WaitReason::for_room(0));
         }
         thread.join().expect("it sent everything");
     });
@@ -116,16 +116,16 @@ fn sleeper_needs_its_fence() {
     send_sleeping(1, [None, Some(Ordering::SeqCst)]);
 }
 
-/// The sender dies between its store and the wake-up. `noticed`: somebody rings for it.
+/// The sender dies between its store and the wake-up. `noticed`: the orchestrator wakes the receiver.
 fn die_before_waking(noticed: bool) {
     check(3, move || {
         let [mut sending, mut receiving] = ends();
-        let bell = sending.bell.clone();
+        let notifier = sending.notifier.clone();
         let dying = thread::spawn(move || send(&mut sending, &mut SlotSender::new(SLOTS), 5));
         let orchestrator = thread::spawn(move || {
             dying.join().expect("it dies in silence");
             if noticed {
-                bell.ring();
+                notifier.notify();
             }
         });
         assert_eq!(receive(&mut receiving, &mut SlotReceiver::new(SLOTS)), 5);

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use lockstep::transport::iceoryx::{Address, Domain};
 
-/// A domain of its own, with nobody else in it.
+/// A domain of its own, with no other process in it.
 pub struct Place {
     pub domain: Domain,
     prefix: String,

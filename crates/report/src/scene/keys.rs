@@ -32,13 +32,13 @@ impl<'a> Keys<'a> {
     pub(super) fn of_value(value: &'a Value, known: &[&str]) -> Result<Keys<'a>, Mistake> {
         let table = value.as_table();
         Keys::of(
-            table.ok_or_else(|| at("")(format!("`{value}` is no table: its keys are {}", known.join(", "))))?,
+            table.ok_or_else(|| at("")(format!("`{value}` is not a table: its keys are {}", known.join(", "))))?,
             known,
         )
     }
 
     pub(super) fn text(&self, key: &str) -> Result<Option<&'a str>, Mistake> {
-        let refuse = |value: &Value| at(key)(format!("`{value}` is no text: write it in quotes"));
+        let refuse = |value: &Value| at(key)(format!("`{value}` is not a text: write it in quotes"));
         self.0
             .get(key)
             .map(|value| value.as_str().ok_or_else(|| refuse(value)))
@@ -50,7 +50,7 @@ impl<'a> Keys<'a> {
     }
 
     pub(super) fn table(&self, key: &str) -> Result<Option<&'a Table>, Mistake> {
-        let refuse = |value: &Value| at(key)(format!("`{value}` is no table"));
+        let refuse = |value: &Value| at(key)(format!("`{value}` is not a table"));
         self.0
             .get(key)
             .map(|value| value.as_table().ok_or_else(|| refuse(value)))
@@ -61,7 +61,7 @@ impl<'a> Keys<'a> {
         match self.0.get(key) {
             None => Ok(&[]),
             Some(Value::Array(items)) => Ok(items),
-            Some(value) => Err(at(key)(format!("`{value}` is no list"))),
+            Some(value) => Err(at(key)(format!("`{value}` is not a list"))),
         }
     }
 

@@ -233,7 +233,7 @@ fn position(value: &Value) -> Result<Position, String> {
             Ok(Position::Components([x, y, z]))
         }
         other => Err(format!(
-            "`{other}` is no position: write a field of three such as \"plant.motion.position\", or a list of x, y and z such as \
+            "`{other}` is not a position: write a field of three such as \"plant.motion.position\", or a list of x, y and z such as \
              [\"left.motion.position\", \"10 cm\", 0]"
         )),
     }
@@ -250,7 +250,7 @@ fn attitude(value: &Value) -> Result<Attitude, Mistake> {
         (Some(of), None, None, None | Some("wxyz")) => Ok(Attitude::Quaternion { of, scalar_last: false }),
         (Some(of), None, None, Some("xyzw")) => Ok(Attitude::Quaternion { of, scalar_last: true }),
         (Some(_), None, None, Some(other)) => Err(at("order")(format!(
-            "`{other}` is no order: write \"wxyz\" (scalar first, as messages here have it) or \"xyzw\""
+            "`{other}` is not an order: write \"wxyz\" (scalar first, as messages here have it) or \"xyzw\""
         ))),
         (None, Some(of), Some(about), None) => Ok(Attitude::Angle { of, about }),
         _ => Err(at("")(

@@ -43,7 +43,7 @@ fn kind_of(table: &Table) -> Result<&'static str, Mistake> {
 pub(super) fn shape(value: &Value) -> Result<Shape, Mistake> {
     let Value::Table(table) = value else {
         let reason =
-            format!("`{value}` is no shape: write a table such as {{ box = [\"10 cm\", \"10 cm\", \"20 cm\"] }}");
+            format!("`{value}` is not a shape: write a table such as {{ box = [\"10 cm\", \"10 cm\", \"20 cm\"] }}");
         return Err(at("")(reason));
     };
     let kind = kind_of(table)?;

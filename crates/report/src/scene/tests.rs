@@ -207,7 +207,7 @@ const BODIES: &[(&str, &str)] = &[
     ),
     (
         "position = 3\nshape = { sphere = 1 }",
-        "bodies.b.position: `3` is no position: write a field of three",
+        "bodies.b.position: `3` is not a position: write a field of three",
     ),
     (
         "position = 'place'\nshape = { sphere = 1 }",
@@ -219,7 +219,7 @@ const BODIES: &[(&str, &str)] = &[
     ),
     (
         "@attitude = { quaternion = 'mover.now.turned', order = 'zyx' }\nshape = { sphere = 1 }",
-        "bodies.b.attitude.order: `zyx` is no order: write \"wxyz\"",
+        "bodies.b.attitude.order: `zyx` is not an order: write \"wxyz\"",
     ),
     (
         "@attitude = { angle = 'mover.now.tilt' }\nshape = { sphere = 1 }",
@@ -271,10 +271,13 @@ const BODIES: &[(&str, &str)] = &[
         "@shape = [{ sphere = 1 }, { cone = 2 }]",
         "bodies.b.shape.2: a shape has one of box, sphere",
     ),
-    ("@shape = 'box'", "bodies.b.shape: `\"box\"` is no shape: write a table"),
+    (
+        "@shape = 'box'",
+        "bodies.b.shape: `\"box\"` is not a shape: write a table",
+    ),
     (
         "@shape = { sphere = 1 }\ncolour = 'red'",
-        "bodies.b.colour: `red` is no colour: write red, green and blue",
+        "bodies.b.colour: `red` is not a colour: write red, green and blue",
     ),
     (
         "@shape = { sphere = 1 }\nmass = 3",
@@ -302,7 +305,7 @@ const AROUND: &[(&str, &str)] = &[
         "cameras = { far = { on = 'b', towards = [0, 0, 1] } }",
         "cameras.far: it is carried by a body: write `towards` as a point and `up`",
     ),
-    ("up = [0, 0, 0]", "up: `[0, 0, 0]` is no direction"),
+    ("up = [0, 0, 0]", "up: `[0, 0, 0]` is not a direction"),
     (
         "distances = [{ from = 'b', to = 'd' }]",
         "distances.1.to: the scene has no body `d`",

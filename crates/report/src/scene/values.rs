@@ -18,7 +18,7 @@ pub(super) fn quantity(value: &Value, unit: &str) -> Result<f64, String> {
         _ => None,
     };
     let number = number.filter(|x| x.is_finite());
-    number.ok_or_else(|| format!("`{value}` is no single quantity: write one such as \"0.5 {unit}\""))
+    number.ok_or_else(|| format!("`{value}` is not a single quantity: write one such as \"0.5 {unit}\""))
 }
 
 /// A quantity above zero.
@@ -56,7 +56,7 @@ pub(super) fn direction(value: &Value) -> Result<[f64; 3], String> {
     let three = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
     let three = three.filter(|all| all.iter().all(|x| x.is_finite()) && all.iter().any(|x| *x != 0.0));
     three.ok_or_else(|| {
-        format!("`{value}` is no direction: write three numbers that are not all zero, such as [0, 0, 1]")
+        format!("`{value}` is not a direction: write three numbers that are not all zero, such as [0, 0, 1]")
     })
 }
 
@@ -74,7 +74,7 @@ pub(super) fn colour(value: &Value) -> Result<[f64; 3], String> {
     match (part(0), part(2), part(4)) {
         (Some(r), Some(g), Some(b)) => Ok([r, g, b]),
         _ => Err(format!(
-            "`{text}` is no colour: write red, green and blue in hexadecimal, such as \"#3366cc\""
+            "`{text}` is not a colour: write red, green and blue in hexadecimal, such as \"#3366cc\""
         )),
     }
 }

@@ -199,7 +199,7 @@ fn curve(key: &str, value: Value) -> Result<Curve, Mistake> {
     }
     if !value.is_table() {
         let reason = format!(
-            "`{value}` is no curve: write a signal such as \"plant.motion.position\", or {{ of = …, minus = … }}"
+            "`{value}` is not a curve: write a signal such as \"plant.motion.position\", or {{ of = …, minus = … }}"
         );
         return Err(Mistake::new(key.to_owned(), reason));
     }
@@ -367,7 +367,7 @@ mod tests {
                 "[[panels]]\ncurves = ['x']",
                 "panels.1.curves.1: `x` is not a signal: write PARTICIPANT.OUTPUT.FIELD",
             ),
-            ("[[panels]]\ncurves = [3]", "panels.1.curves.1: `3` is no curve"),
+            ("[[panels]]\ncurves = [3]", "panels.1.curves.1: `3` is not a curve"),
             ("[[panels]]\ncurves = []", "panels.1.curves: there is nothing to draw"),
             ("[[panels]]\ntitle = 'x'", "panels.1: missing field `curves`"),
             (

@@ -104,7 +104,7 @@ fn silent_connections_do_not_block_the_page() {
 }
 
 #[test]
-fn wishes_are_read_strictly() {
+fn commands_are_read_strictly() {
     assert_eq!(command(br#"{"do":"pause"}"#), Ok(LiveCommand::Pause));
     assert_eq!(
         command(br#"{"do":"step","participant":"plant"}"#),

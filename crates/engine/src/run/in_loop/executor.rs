@@ -168,7 +168,7 @@ fn odd(entry: &Entry, error: impl ToString) -> RunFailure {
     }
 }
 
-/// The participant in a slot when the run is taken up; `now` is the present participant, which is about to do activation `next`.
+/// The participant in a slot when the run is resumed; `now` is the present participant, which is about to do activation `next`.
 fn slot(
     run_state: &RunState,
     number: usize,
@@ -210,7 +210,7 @@ fn interrupted(t_s: f64) -> Ending {
 }
 
 impl Loop {
-    /// The end of the next stretch: as far as the guide grants, and short enough to look at the clock and the signals in time.
+    /// The end of the next stretch: as far as the clock controller grants, and short enough to look at the clock and the signals in time.
     fn next_horizon(&self, run_state: &mut RunState) -> Ticks {
         let reached = self.reached;
         let shortest = run_state
@@ -220,8 +220,8 @@ impl Loop {
             .map(|own| own.sample_time.period)
             .min();
         let stretch = shortest.unwrap_or(1).saturating_mul(GLANCE);
-        let horizon = run_state.guide.horizon(reached).min(reached.saturating_add(stretch));
-        if horizon == reached && horizon > 0 && run_state.guide.stop() != Some(reached) {
+        let horizon = run_state.clock.horizon(reached).min(reached.saturating_add(stretch));
+        if horizon == reached && horizon > 0 && run_state.clock.stop() != Some(reached) {
             std::thread::sleep(NAP);
         }
         horizon
@@ -232,7 +232,7 @@ impl Loop {
         let Some(looped) = &mut self.looped else {
             return Ok(Reach::Horizon);
         };
-        let RunState { times, guide, .. } = run_state;
+        let RunState { times, clock, .. } = run_state;
         let wants = times.wants();
         let watch = |moment| match moment {
             _ if !wants => {}
@@ -240,7 +240,7 @@ impl Loop {
             Moment::Stepped {
                 participant,
                 activation,
-            } => times.stepped(participant, activation, guide),
+            } => times.stepped(participant, activation, clock),
         };
         match self.hold {
             Some(number) => looped.run_before(number, horizon, watch),
@@ -305,7 +305,7 @@ impl Executor for Loop {
             let flushed = run_state.recorder().flush();
             flushed.map_err(|error| Ending::own(error.to_string()))?;
         }
-        match run_state.guide.stop() {
+        match run_state.clock.stop() {
             Some(stop) if stop == horizon => Ok(Turn::Rests(stop)),
             _ => Ok(Turn::Going),
         }

@@ -18,7 +18,7 @@ use crate::scenario::Scenario;
 const AHEAD: Duration = Duration::from_millis(50);
 
 /// Determines the horizon of one run.
-pub(crate) struct Guide {
+pub(crate) struct ClockController {
     end: Ticks,
     /// The instants at which the run rests before its end, and the reasons.
     schedule: Schedule,
@@ -30,13 +30,13 @@ pub(crate) struct Guide {
     bound: Option<Ticks>,
 }
 
-impl Guide {
-    /// A guide for a run of `plan` that begins at `from`; its clock starts now.
-    pub(crate) fn new(plan: &Plan, options: &Options, schedule: Schedule, from: Ticks) -> Guide {
+impl ClockController {
+    /// The controller for a run of `plan` that begins at `from`; its wall clock starts now.
+    pub(crate) fn new(plan: &Plan, options: &Options, schedule: Schedule, from: Ticks) -> ClockController {
         let tick = plan.timebase.tick();
         let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
         let ticks_per_s = tick.denominator() as f64 / tick.numerator() as f64;
-        Guide {
+        ClockController {
             end: plan.end,
             schedule,
             pace: options
@@ -49,7 +49,7 @@ impl Guide {
         }
     }
 
-    /// Sets the instant at which the run rests for its driving program; with `None` it rests only where its schedule says.
+    /// Sets the instant at which the run rests for its driving program; with `None` it rests only where its schedule has a stop.
     pub(crate) fn drive_to(&mut self, bound: Option<Ticks>) {
         self.bound = bound;
     }
@@ -179,9 +179,9 @@ impl Lead {
 mod tests {
     use super::*;
 
-    fn guide(stops: Vec<Ticks>, pace: Option<f64>, steering: Option<Arc<Steering>>, start: Instant) -> Guide {
+    fn clock(stops: Vec<Ticks>, pace: Option<f64>, steering: Option<Arc<Steering>>, start: Instant) -> ClockController {
         let pace = pace.map(|ticks_per_s| Pace::new(ticks_per_s, 0, start));
-        Guide {
+        ClockController {
             end: 100_000,
             schedule: Schedule::of_pauses(stops),
             pace,
@@ -193,10 +193,10 @@ mod tests {
     }
 
     /// The last answer of looks every 100 ms, from `from` to `to`.
-    fn looked(guide: &mut Guide, newest: Ticks, start: Instant, from: u64, to: u64) -> Ticks {
+    fn looked(clock: &mut ClockController, newest: Ticks, start: Instant, from: u64, to: u64) -> Ticks {
         let looks = (from..to).step_by(100).chain([to]);
         looks
-            .map(|at| guide.horizon_at(newest, start + ms(at)))
+            .map(|at| clock.horizon_at(newest, start + ms(at)))
             .last()
             .unwrap_or(0)
     }
@@ -204,11 +204,11 @@ mod tests {
     #[test]
     fn a_paced_run_does_not_hurry_after_a_suspension() {
         let start = Instant::now();
-        let mut guide = guide(vec![], Some(1000.0), None, start);
-        assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
-        let after = guide.horizon_at(101, start + ms(3_600_100));
+        let mut clock = clock(vec![], Some(1000.0), None, start);
+        assert_eq!(clock.horizon_at(0, start + ms(100)), 101);
+        let after = clock.horizon_at(101, start + ms(3_600_100));
         assert!(after <= 101 + 250, "an hour of suspension counts as a moment: {after}");
-        assert_eq!(guide.horizon_at(101, start + ms(3_600_150)), after + 50);
+        assert_eq!(clock.horizon_at(101, start + ms(3_600_150)), after + 50);
     }
 
     fn ms(count: u64) -> Duration {
@@ -218,49 +218,49 @@ mod tests {
     #[test]
     fn a_free_run_is_let_to_its_end_at_once() {
         let now = Instant::now();
-        assert_eq!(guide(vec![], None, None, now).horizon_at(0, now), 100_000);
-        assert_eq!(guide(vec![70], None, None, now).horizon_at(0, now), 70);
+        assert_eq!(clock(vec![], None, None, now).horizon_at(0, now), 100_000);
+        assert_eq!(clock(vec![70], None, None, now).horizon_at(0, now), 70);
     }
 
     #[test]
     fn time_at_rest_does_not_make_a_paced_run_hurry() {
         let start = Instant::now();
-        let mut guide = guide(vec![500], Some(1000.0), None, start);
-        assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
+        let mut clock = clock(vec![500], Some(1000.0), None, start);
+        assert_eq!(clock.horizon_at(0, start + ms(100)), 101);
         // The stop is reached after 500 ms of wall time; ten seconds later the user lets the run continue.
-        assert_eq!(looked(&mut guide, 500, start, 200, 600), 500);
-        assert_eq!(looked(&mut guide, 500, start, 700, 10_600), 500);
-        guide.take(500);
-        assert_eq!(guide.horizon_at(500, start + ms(10_700)), 601);
+        assert_eq!(looked(&mut clock, 500, start, 200, 600), 500);
+        assert_eq!(looked(&mut clock, 500, start, 700, 10_600), 500);
+        clock.take(500);
+        assert_eq!(clock.horizon_at(500, start + ms(10_700)), 601);
     }
 
     #[test]
     fn who_steers_holds_a_paced_run_and_lets_it_go_on_from_there() {
         let start = Instant::now();
         let steering = Arc::new(Steering::default());
-        let mut guide = guide(vec![], Some(1000.0), Some(steering.clone()), start);
-        assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
+        let mut clock = clock(vec![], Some(1000.0), Some(steering.clone()), start);
+        assert_eq!(clock.horizon_at(0, start + ms(100)), 101);
         steering.pause();
-        assert_eq!(guide.horizon_at(101, start + ms(5000)), 101);
+        assert_eq!(clock.horizon_at(101, start + ms(5000)), 101);
         steering.go_to(131);
-        guide.horizon_at(101, start + ms(5001));
-        assert_eq!(guide.horizon_at(101, start + ms(9000)), 131);
+        clock.horizon_at(101, start + ms(5001));
+        assert_eq!(clock.horizon_at(101, start + ms(9000)), 131);
         steering.resume();
-        assert_eq!(guide.horizon_at(131, start + ms(9001)), 133);
+        assert_eq!(clock.horizon_at(131, start + ms(9001)), 133);
     }
 
     #[test]
     fn a_steered_free_run_is_let_ahead_by_what_it_uses() {
         let start = Instant::now();
         let steering = Arc::new(Steering::default());
-        let mut guide = guide(vec![], None, Some(steering.clone()), start);
-        assert_eq!(guide.horizon_at(0, start), 16);
-        assert_eq!(guide.horizon_at(7, start + ms(1)), 16, "more than half is left");
-        assert_eq!(guide.horizon_at(8, start + ms(2)), 40, "quick: twice as much");
-        assert_eq!(guide.horizon_at(30, start + ms(500)), 46, "slow: half as much");
+        let mut clock = clock(vec![], None, Some(steering.clone()), start);
+        assert_eq!(clock.horizon_at(0, start), 16);
+        assert_eq!(clock.horizon_at(7, start + ms(1)), 16, "more than half is left");
+        assert_eq!(clock.horizon_at(8, start + ms(2)), 40, "quick: twice as much");
+        assert_eq!(clock.horizon_at(30, start + ms(500)), 46, "slow: half as much");
         steering.pause();
-        assert_eq!(guide.horizon_at(46, start + ms(501)), 46);
+        assert_eq!(clock.horizon_at(46, start + ms(501)), 46);
         steering.resume();
-        assert!(guide.horizon_at(46, start + ms(502)) > 46);
+        assert!(clock.horizon_at(46, start + ms(502)) > 46);
     }
 }

@@ -4,7 +4,7 @@ use lockstep::plan::Plan;
 use lockstep::span::{Doing, Span};
 use lockstep::time::Ticks;
 
-use super::horizon::Guide;
+use super::horizon::ClockController;
 use super::punctuality::{Lateness, Punctuality};
 use crate::run::options::Overrun;
 
@@ -52,7 +52,7 @@ impl Watchman {
     }
 
     /// Evaluates a span of participant number `number`.
-    pub(crate) fn look(&mut self, number: usize, span: &Span, guide: &Guide, plan: &Plan) {
+    pub(crate) fn look(&mut self, number: usize, span: &Span, clock: &ClockController, plan: &Plan) {
         let Doing::Computing { done } = span.doing else { return };
         let participant = &plan.participants[number];
         if span.activation >= participant.activations {
@@ -65,7 +65,7 @@ impl Watchman {
         }
         let work_ns = std::mem::take(&mut own.work_ns);
         let at = participant.sample_time.instant(span.activation);
-        let (Some(due), Some(next)) = (guide.due(at), guide.due(at + participant.sample_time.period)) else {
+        let (Some(due), Some(next)) = (clock.due(at), clock.due(at + participant.sample_time.period)) else {
             return;
         };
         let late_ns = span.end_ns.saturating_sub(due.ns);

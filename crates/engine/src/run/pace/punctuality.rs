@@ -79,12 +79,12 @@ impl Punctuality {
         };
         let who = slow.or_else(waited);
         let who = who.map_or_else(
-            || "nobody says when it was done".to_owned(),
+            || "no participant reports when its steps are complete".to_owned(),
             |who| format!("late: {who}"),
         );
         let held = self.held.map_or_else(|| "less".to_owned(), factor);
         Some(format!(
-            "the pace was not kept: {held} times real time where {} was asked for; {who}",
+            "the pace was not kept: {held} times real time, and {} was requested; {who}",
             factor(self.asked)
         ))
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use lockstep::plan::Plan;
 use lockstep::span::{Detail, Doing, Span, core, now_ns};
 
-use super::horizon::Guide;
+use super::horizon::ClockController;
 use super::lateness::Watchman;
 use super::punctuality::Punctuality;
 use super::trace::Trace;
@@ -60,11 +60,11 @@ impl Times {
     }
 
     /// Takes spans of participant number `number`, after which `lost` spans are missing.
-    pub(crate) fn take(&mut self, number: usize, lost: u64, spans: &[Span], guide: &Guide) {
+    pub(crate) fn take(&mut self, number: usize, lost: u64, spans: &[Span], clock: &ClockController) {
         if let Some(watchman) = &mut self.watchman {
             spans
                 .iter()
-                .for_each(|span| watchman.look(number, span, guide, &self.plan));
+                .for_each(|span| watchman.look(number, span, clock, &self.plan));
         }
         if let Some(trace) = &mut self.trace {
             trace.take(number, lost, spans, &self.plan);
@@ -77,7 +77,7 @@ impl Times {
     }
 
     /// In one loop: participant number `number`, the last one to begin, has completed `activation`.
-    pub(crate) fn stepped(&mut self, number: usize, activation: u64, guide: &Guide) {
+    pub(crate) fn stepped(&mut self, number: usize, activation: u64, clock: &ClockController) {
         let span = Span {
             activation,
             doing: Doing::Computing { done: true },
@@ -86,7 +86,7 @@ impl Times {
             begin_ns: self.begun_ns,
             end_ns: now_ns(),
         };
-        self.take(number, 0, &[span], guide);
+        self.take(number, 0, &[span], clock);
     }
 
     /// Why the run is to end here: a step overran, and the run was to end then.

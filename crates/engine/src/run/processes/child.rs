@@ -15,7 +15,7 @@ use crate::run::log::Log;
 use crate::run::timeout::Patience;
 use crate::scenario::{Entry, Program};
 
-/// How long participants may take to exit after the order to leave: time for `terminate`, also on a busy machine.
+/// How long participants may take to exit after the command to terminate: time for `terminate`, also on a busy machine.
 pub(crate) const GRACE: Duration = Duration::from_secs(2);
 
 /// A participant's process.

@@ -29,7 +29,7 @@ pub(crate) fn doing(plan: &Plan, number: usize, status: Status) -> String {
             }
         }
         Activity::Recorder => "waiting for the recorder".into(),
-        Activity::Rest => "at rest at the horizon".into(),
+        Activity::Paused => "at rest at the horizon".into(),
         Activity::Finished => "finished".into(),
     }
 }

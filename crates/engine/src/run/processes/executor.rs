@@ -84,10 +84,10 @@ impl Rounds {
 }
 
 impl Processes {
-    /// Extends the horizon as far as the guide grants.
+    /// Extends the horizon as far as the clock controller grants.
     fn advance_clock(&mut self, run_state: &mut RunState) {
         let newest = run_state.newest();
-        let horizon = run_state.guide.horizon(newest);
+        let horizon = run_state.clock.horizon(newest);
         if horizon > self.place.clock.horizon() {
             run_state.recorder().grant(horizon);
             self.place.clock.extend(horizon);
@@ -133,7 +133,7 @@ impl Processes {
         };
         let taken = handle.take(number, &mut run_state.recorder());
         for (lost, spans) in handle.spans.drain(..) {
-            run_state.times.take(number, lost, &spans, &run_state.guide);
+            run_state.times.take(number, lost, &spans, &run_state.clock);
         }
         let moved = match taken {
             Ok(moved) => moved,
@@ -270,7 +270,7 @@ impl Executor for Processes {
                 .slices
                 .look(self.handles.iter().map(|handle| handle.process.pid()));
         }
-        if let Some(now) = run_state.guide.stop()
+        if let Some(now) = run_state.clock.stop()
             && self.rests_at(now)
         {
             return Ok(Turn::Rests(now));
@@ -338,7 +338,7 @@ impl Executor for Processes {
     }
 
     fn bring_down(&mut self, run_state: &mut RunState) {
-        self.place.clock.stop();
+        self.place.clock.terminate();
         self.handles.iter().for_each(ParticipantHandle::ring);
         let mut grace = Patience::new(GRACE);
         for handle in &mut self.handles {

@@ -193,7 +193,7 @@ impl Connecting<'_> {
     }
 }
 
-/// Asks a participant at rest to go to `address` when the clock gives the order to leave.
+/// Asks a participant at rest to go to `address` when the clock commands to terminate.
 pub(crate) fn send_to(handle: &mut ParticipantHandle, address: &str, monitor: &Monitor) -> Result<(), RunFailure> {
     let address = address.to_owned();
     match handle.ask(&Request::Move { address }, monitor)? {

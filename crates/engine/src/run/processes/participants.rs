@@ -3,12 +3,12 @@
 use std::borrow::Borrow;
 use std::time::{Duration, Instant};
 
-use lockstep::control::{Note, Reply, Request, Timing};
+use lockstep::control::{ParticipantEvent, Reply, Request, Timing};
 use lockstep::plan::Plan;
 use lockstep::span::{Detail, Span};
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;
-use lockstep::transport::iceoryx::{Asked, Domain, Recorded, Sleeping};
+use lockstep::transport::iceoryx::{Asked, Domain, Recorded, WaitReason};
 
 use super::child::Participant;
 use super::descriptions;
@@ -24,7 +24,7 @@ use crate::run::timeout::{Awake, Patience};
 use crate::scenario::{Entry, Scenario};
 use crate::text::quoted;
 
-/// How long a program may take to enter the run, and to answer a request, unless the scenario or an option says otherwise.
+/// How long a program may take to enter the run, and to answer a request, unless the scenario or an option specifies it.
 const START_WITHIN: Duration = Duration::from_secs(20);
 
 /// How long the program of `entry` may take to enter the run, and to answer a request.
@@ -43,7 +43,7 @@ pub(crate) enum Taken {
     Nothing,
     /// Notes that repeat what is known already: no progress.
     Old,
-    /// Samples, or a note about progress.
+    /// Samples, or an event about progress.
     News,
 }
 
@@ -56,9 +56,9 @@ pub(crate) struct ParticipantHandle {
     /// How its wall time was spent; known when it is done.
     pub(crate) timing: Option<Timing>,
     /// The reason for its failure, as it reported it.
-    pub(crate) failed: Option<Note>,
+    pub(crate) failed: Option<ParticipantEvent>,
     at_rest: Option<Ticks>,
-    /// The next activation, once the participant has come to rest on the recall order.
+    /// The next activation, once the participant has paused on command of the clock.
     pub(crate) recalled: Option<u64>,
     /// Its spans of wall time, with the number of missing spans after each batch; until they are taken.
     pub(crate) spans: Vec<(u64, Vec<Span>)>,
@@ -86,7 +86,7 @@ impl ParticipantHandle {
     /// The reason for its failure, as it reported it, if it did.
     pub(crate) fn failure(&self) -> Option<String> {
         match &self.failed {
-            Some(Note::Failed { activation, t, reason }) => {
+            Some(ParticipantEvent::Failed { activation, t, reason }) => {
                 let (t, reason) = (quoted(t), quoted(reason));
                 Some(format!("failed at t = {t} s (activation {activation}): {reason}"))
             }
@@ -125,7 +125,7 @@ impl ParticipantHandle {
 
     /// Wakes the participant.
     pub(crate) fn ring(&self) {
-        self.ports.bell.ring();
+        self.ports.notifier.notify();
     }
 
     /// Takes a batch of the participant's record. Notes about progress are checked against the plan and the samples on the tape.
@@ -141,7 +141,10 @@ impl ParticipantHandle {
             ..
         } = self;
         let Ports {
-            record, status, bell, ..
+            record,
+            status,
+            notifier,
+            ..
         } = ports;
         let took = record.receive(|entry| {
             match entry {
@@ -153,27 +156,27 @@ impl ParticipantHandle {
                     recorder.sample(number, stream, header, payload)?;
                     news = true;
                 }
-                Recorded::Note(Note::Finished(spent)) => {
+                Recorded::Event(ParticipantEvent::Finished(spent)) => {
                     recorder.finished(number)?;
                     news |= timing.replace(spent).is_none();
                 }
-                Recorded::Note(Note::AtRest { horizon, next }) => {
+                Recorded::Event(ParticipantEvent::AtHorizon { horizon, next }) => {
                     recorder.rests(number, horizon, next)?;
                     news |= *at_rest < Some(horizon);
                     *at_rest = (*at_rest).max(Some(horizon));
                 }
-                Recorded::Note(Note::Recalled { next }) => {
+                Recorded::Event(ParticipantEvent::Paused { next }) => {
                     recorder.recalled(number, next)?;
                     news |= recalled.replace(next).is_none();
                 }
-                Recorded::Note(Note::Spans { lost, spans: some }) => spans.push((lost, some)),
-                Recorded::Note(note @ Note::Failed { .. }) => *failed = Some(note),
+                Recorded::Event(ParticipantEvent::Spans { lost, spans: some }) => spans.push((lost, some)),
+                Recorded::Event(event @ ParticipantEvent::Failed { .. }) => *failed = Some(event),
             }
             Ok(())
         });
         // A participant that sleeps until there is room for its record is woken now: a batch has been taken.
-        if matches!(took, Ok(true)) && status.asleep() == Some(Sleeping::FOR_ANYTHING) {
-            bell.ring();
+        if matches!(took, Ok(true)) && status.wait_reason() == Some(WaitReason::FOR_ANYTHING) {
+            notifier.notify();
         }
         Ok(match took? {
             false => Taken::Nothing,
@@ -255,7 +258,7 @@ pub(crate) fn ask_all<R: Borrow<Request>>(
         let ParticipantHandle {
             ports, process, within, ..
         } = handle;
-        ports.bell.ring();
+        ports.notifier.notify();
         let when = when(request.borrow());
         let asked = ports.control.begin(request.borrow());
         all.push(Pending {
@@ -304,7 +307,7 @@ fn when(request: &Request) -> &'static str {
         Request::Connect { .. } => "when it was given its part of the plan",
         Request::Save => "when it was asked for its state",
         Request::Move { .. } => "when it was asked to move",
-        Request::Terminate => "when it was told to leave",
+        Request::Terminate => "on the request to terminate",
     }
 }
 

@@ -1,5 +1,5 @@
 //! One place in shared memory, with all objects that the orchestrator holds in it. A run moves to a fresh place whenever it is
-//! taken up, so that no object of a dead process can be opened by mistake.
+//! resumed or relocated, so that no object of a dead process can be opened by mistake.
 
 use lockstep::plan::Plan;
 use lockstep::transport::iceoryx::{Address, ClockWriter, Domain, LinkService};

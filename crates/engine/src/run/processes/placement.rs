@@ -68,7 +68,7 @@ fn strategy(wait: Wait, sharing: usize) -> Waiting {
         Wait::Auto => match sharing {
             0 | 1 => Waiting::SPIN,
             2..=4 => Waiting::YIELD,
-            _ => Waiting::CROWD,
+            _ => Waiting::OVERSUBSCRIBED,
         },
         Wait::Yield => Waiting::YIELD,
         Wait::Spin => Waiting::SPIN,
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wish_that_cannot_be_granted_is_named_with_what_is_there() {
+    fn cores_that_cannot_be_granted_are_named_with_those_there() {
         let placement = Placement::among(&ring(3), &[0, 1], Wait::Spin, false);
         assert_eq!(
             placement.denied.as_deref(),

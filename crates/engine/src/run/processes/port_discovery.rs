@@ -101,7 +101,7 @@ pub(crate) fn check_substitutes(
     let compare = |entry: &Entry, slot: usize| -> Result<(), RunFailure> {
         let ports = ask_for_ports(scenario, entry, options, monitor).map_err(|failure| match failure {
             RunFailure::Participant { participant, reason } => {
-                let reason = format!("{}, which may take its place, {reason}", entry.program);
+                let reason = format!("{}, which may replace it, {reason}", entry.program);
                 let substitute = || RunFailure::Substitute { participant, reason };
                 // A participant of the run itself may have failed meanwhile.
                 monitor.failure().unwrap_or_else(substitute)

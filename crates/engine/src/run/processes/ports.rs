@@ -1,14 +1,14 @@
 //! The orchestrator's ends of the services of one participant.
 
 use lockstep::transport::iceoryx::{
-    Bell, ControlClient, Domain, DomainError, RecordReceiver, StatusReader, StatusService, WakeService,
+    ControlClient, Domain, DomainError, RecordReceiver, StatusReader, StatusService, WakeNotifier, WakeService,
 };
 
 /// The orchestrator's ends of the services of one participant in one place in shared memory. They exist before the participant
 /// opens them.
 pub(crate) struct Ports {
     pub(crate) status: StatusReader,
-    pub(crate) bell: Bell,
+    pub(crate) notifier: WakeNotifier,
     pub(crate) record: RecordReceiver,
     pub(crate) control: ControlClient,
     _services: (StatusService, WakeService),
@@ -25,7 +25,7 @@ impl Ports {
             control: ControlClient::create(domain, name)?,
             record: RecordReceiver::create(domain, name)?,
             status: StatusReader::open(domain, name)?,
-            bell: services.1.bell(domain)?,
+            notifier: services.1.notifier(domain)?,
             _services: services,
         })
     }

@@ -55,7 +55,7 @@ impl Processes {
                 Slot::New(..) => handshake::tell_replaced(handle, &self.monitor),
             }
         }
-        self.place.clock.stop();
+        self.place.clock.terminate();
         old.iter().for_each(ParticipantHandle::ring);
         let (mut handles, mut states) = (Vec::new(), Vec::new());
         let mut newcomers = Vec::new();

@@ -142,9 +142,9 @@ pub(crate) struct Reserved {
 /// most half of what the least sizes leave, because other runs may start.
 fn rings(needs: &Footprint, free: u64) -> Vec<u32> {
     let spare = free.saturating_sub(needs.least()) / 2;
-    let wish = (needs.best() - needs.least()).max(1);
+    let extra = (needs.best() - needs.least()).max(1);
     let share = |room: &std::ops::RangeInclusive<u64>| {
-        let more = (room.end() - room.start()) as u128 * u128::from(spare.min(wish)) / u128::from(wish);
+        let more = (room.end() - room.start()) as u128 * u128::from(spare.min(extra)) / u128::from(extra);
         // Rounding down to whole pages keeps the sum within `spare`.
         let ring = room.start() + more as u64 / 4096 * 4096;
         ring.min(u64::from(u32::MAX / 64 * 64)) as u32
@@ -158,7 +158,7 @@ pub(crate) fn enough_to_move(plan: &Plan) -> Result<(), RunFailure> {
     let (needs, room) = (footprint(plan), Room::now());
     if needs.services > room.free {
         return Err(RunFailure::Room(format!(
-            "shared memory: to be taken up the run needs {}, and {}",
+            "shared memory: to be resumed the run needs {}, and {}",
             mib(needs.services),
             words()
         )));
@@ -196,7 +196,7 @@ fn least(needs: &Footprint, moves: bool) -> u64 {
     needs.least() + SPARE + if moves { needs.services } else { 0 }
 }
 
-/// Checks that there is room for a run of `plan`, and reserves it in a file in `folder`. `moves` says that the run may be taken up,
+/// Checks that there is room for a run of `plan`, and reserves it in a file in `folder`. `moves` says that the run may be resumed,
 /// for which it briefly holds two places at once.
 pub(crate) fn reserve(plan: &Plan, folder: &Path, moves: bool) -> Result<Reserved, RunFailure> {
     let needs = footprint(plan);

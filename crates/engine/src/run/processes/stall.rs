@@ -49,7 +49,7 @@ pub(crate) fn standstill(
         let may = status.next < own.activations && own.sample_time.instant(status.next) < horizon;
         let working = match status.activity {
             Activity::Computing | Activity::Starting | Activity::Finished => true,
-            Activity::Rest => may || !handle.rests_at(horizon),
+            Activity::Paused => may || !handle.rests_at(horizon),
             _ => false,
         };
         let blind = match status.activity {
@@ -109,8 +109,8 @@ fn state(pid: u32, status: &Status, seconds: f64) -> String {
     let work = match status.activity {
         Activity::Starting => "getting ready",
         Activity::Computing => "computing",
-        Activity::Rest => "not seeing that it may go on",
-        Activity::Finished => "done, but without a word of it,",
+        Activity::Paused => "waiting at a horizon that has moved since",
+        Activity::Finished => "done without having reported it,",
         Activity::Input { .. } | Activity::Room { .. } | Activity::Recorder => "waiting",
     };
     format!("{}, {work} for {seconds:.1} s", life(pid).words())
@@ -123,7 +123,7 @@ fn owes(plan: &Plan, culprit: usize, statuses: &[Status], recorded: impl Fn(usiz
         let stream = plan.participants[from].first_stream as usize + output;
         return match recorded(stream) > index {
             true => format!("has not taken sample #{index} of {name}, which is on the tape"),
-            false => format!("has not gone on with activation {}", statuses[culprit].next),
+            false => format!("has made no progress with activation {}", statuses[culprit].next),
         };
     }
     let waiting = statuses.iter().enumerate().find_map(|(number, &status)| {

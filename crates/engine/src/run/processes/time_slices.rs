@@ -36,7 +36,7 @@ impl Slices {
     }
 }
 
-/// Whether more threads want to run than there are cores, and some of them belong to other work. `own` is the number of the run's
+/// Whether more threads are runnable than there are cores, and some of them belong to other work. `own` is the number of the run's
 /// own threads.
 fn crowded(own: usize) -> bool {
     let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
@@ -45,7 +45,7 @@ fn crowded(own: usize) -> bool {
     running(&text).is_some_and(|running| running > own && i64::try_from(running).is_ok_and(|running| running > cores))
 }
 
-/// The number of threads that run or want to, from a line such as `0.20 0.18 0.12 3/215 4711`.
+/// The number of runnable threads, from a line such as `0.20 0.18 0.12 3/215 4711`.
 fn running(loadavg: &str) -> Option<usize> {
     loadavg.split_whitespace().nth(3)?.split_once('/')?.0.parse().ok()
 }

@@ -14,7 +14,7 @@ pub(crate) struct Observers<'a> {
     pub(crate) kept: Option<&'a [Kept]>,
     pub(crate) assessment: Option<&'a dyn Assessment>,
     pub(crate) guards: &'a [Watch],
-    /// Whether every sample is observed: a program may ask for the newest of any stream, or the run may be taken up.
+    /// Whether every sample is observed: a program may ask for the newest of any stream, or the run may be resumed.
     pub(crate) all: bool,
 }
 

@@ -58,7 +58,7 @@ pub struct Recorder {
     liars: Vec<usize>,
     /// The samples that were recorded before the run went back to a checkpoint, and are now recorded again.
     pub(crate) again: Option<Played>,
-    /// The buffered samples of streams of which the tape leaves samples out, if the run may be taken up.
+    /// The buffered samples of streams of which the tape leaves samples out, if the run may be resumed.
     pub(crate) recent: Option<Recent>,
     /// How many samples of each stream its producer has published at its present position: those that have come, or fewer since the
     /// run went back.
@@ -325,7 +325,7 @@ impl Recorder {
             format!("recorded stream `{name}`: sample {index} came where sample {due} was due")
         } else if let Some(k) = activation.filter(|&k| k < own.activations) {
             format!(
-                "recorded sample #{index} of `{name}`, which its activation at t = {} s gives; it may go no further than t = {} s",
+                "recorded sample #{index} of `{name}`, which its activation at t = {} s gives; it is granted no time after t = {} s",
                 self.plan.timebase.seconds(own.sample_time.instant(k)),
                 self.plan.timebase.seconds(self.granted)
             )

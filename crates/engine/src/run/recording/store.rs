@@ -13,7 +13,7 @@ pub enum Record {
     /// A run folder with the tape.
     #[default]
     Folder,
-    /// The tape in memory, which grows as the run goes on; no folder.
+    /// The tape in memory, which grows during the run; no folder.
     Memory,
     /// The digest that the tape would have; no folder. Such a run cannot go back to a checkpoint.
     Digest,

@@ -1,4 +1,4 @@
-//! The data that is needed to take up a run and is not on its tape.
+//! The data that is needed to resume a run and is not on its tape.
 
 use lockstep::plan::Backlog;
 use serde::{Deserialize, Serialize};

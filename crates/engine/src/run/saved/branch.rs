@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use lockstep::time::Rational;
+use lockstep::time::{Rational, TickError};
 
+use super::continuation::timebase;
 use crate::run::handle::Run;
 use crate::run::options::{Options, Origin};
 use crate::run::outcome::{Ending, RunFailure};
+use crate::run::stops::instants;
 use crate::scenario::Scenario;
 use crate::scope::Scope;
 
@@ -27,16 +29,9 @@ const MARK: &str = ".branch-";
 /// # Errors
 /// When `to` is not between the checkpoint and the end, or when the run fails before it.
 pub fn branch(scenario: &Scenario, options: &Options, origin: Origin, to: Rational) -> Result<Branch, RunFailure> {
-    if to >= scenario.duration {
-        return Err(RunFailure::Option {
-            option: "--from",
-            value: to.to_string(),
-            reason: format!(
-                "is no instant of the run, which ends at {}; name an earlier one, or a longer --duration",
-                scenario.duration
-            ),
-        });
-    }
+    let timebase = timebase(scenario).map_err(other)?;
+    let end = timebase.ceil(scenario.duration).map_err(other)?;
+    instants::check_from(to, scenario.duration, end, &timebase)?;
     let beside = options
         .out
         .as_deref()
@@ -57,8 +52,7 @@ pub fn branch(scenario: &Scenario, options: &Options, origin: Origin, to: Ration
         ..options.clone()
     };
     let mut run = Run::begin(std::sync::Arc::new(scenario.clone()), options, false)?;
-    let ticks = run.run_state.plan.timebase.ceil(to);
-    run.go(Some(ticks.map_err(|error| RunFailure::Other(error.to_string()))?));
+    run.go(Some(run.run_state.plan.timebase.ceil(to).map_err(other)?));
     let checkpoint = run.run_state.last_checkpoint.take().filter(|_| run.over.is_none());
     let outcome = run.conclude();
     match (checkpoint, outcome.ending) {
@@ -73,4 +67,8 @@ pub fn branch(scenario: &Scenario, options: &Options, origin: Origin, to: Ration
         (_, Ending::Stopped { .. }) => Err(RunFailure::Interrupted),
         (None, Ending::Complete) => Err(RunFailure::Other(format!("the run came to its end before t = {to}"))),
     }
+}
+
+fn other(error: TickError) -> RunFailure {
+    RunFailure::Other(error.to_string())
 }

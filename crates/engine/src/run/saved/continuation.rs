@@ -21,7 +21,7 @@ struct Stand {
 impl Stand {
     fn of(scenario: &Scenario, time: Rational) -> Result<Stand, TickError> {
         let entries = &scenario.participants;
-        let timebase = Timebase::measuring(entries.iter().flat_map(|entry| [entry.period, entry.offset]))?;
+        let timebase = timebase(scenario)?;
         let (at, end) = (timebase.ceil(time)?, timebase.ceil(scenario.duration)?);
         let done = entries.iter().map(|entry| {
             let sample_time = SampleTime {
@@ -41,6 +41,12 @@ impl Stand {
     }
 }
 
+/// The timebase of a run of `scenario`.
+pub(super) fn timebase(scenario: &Scenario) -> Result<Timebase, TickError> {
+    let entries = scenario.participants.iter();
+    Timebase::measuring(entries.flat_map(|entry| [entry.period, entry.offset]))
+}
+
 fn stand(scenario: &Scenario, time: Rational) -> Result<Stand, RunFailure> {
     Stand::of(scenario, time).map_err(|error| RunFailure::Other(error.to_string()))
 }
@@ -53,7 +59,7 @@ pub(crate) fn check(scenario: &Scenario, checkpoint: &Checkpoint) -> Result<(), 
     let names = || scenario.participants.iter().map(|entry| entry.setup.name.as_str());
     if !names().eq(checkpoint.participants.iter().map(String::as_str)) {
         let reason = format!(
-            "the run that was saved has {}, the scenario has {}: a run goes on with those that it has",
+            "the run that was saved has {}, the scenario has {}: a resumed run has the same participants",
             checkpoint.participants.join(", "),
             names().collect::<Vec<_>>().join(", ")
         );
@@ -99,7 +105,7 @@ fn same_sample_times(scenario: &Scenario, time: Rational, own: &[u64], run: &[u6
             let entry = &scenario.participants[number];
             let reason = format!(
                 "with a period of {} and an offset of {}, `{}` has done {own} activations before t = {time}, and {run} in the run that was \
-                 saved: a run goes on with the sample times that it has, so leave them as they were",
+                 saved: a resumed run keeps its sample times, so leave them unchanged",
                 entry.period, entry.offset, entry.setup.name
             );
             (number, reason)

@@ -70,7 +70,7 @@ impl<S: Source> Played<S> {
             };
             if let Some(difference) = difference {
                 return Err(RunFailure::Other(format!(
-                    "the run cannot be taken up: `{}` has {difference} now than on the tape in {place}; change neither ports nor \
+                    "the run cannot be resumed: `{}` has {difference} now than on the tape in {place}; change neither ports nor \
                      sample times of a run under way",
                     spec.name(),
                 )));

@@ -1,7 +1,7 @@
 //! Checkpoint and restore of the recorder: reading recorded samples back for participants that continue from a cut.
 //!
 //! Samples that the tape does not have are buffered as long as they may be needed, and are saved in checkpoints. So a run that
-//! leaves samples out of its tape can be taken up like any other.
+//! leaves samples out of its tape can be resumed like any other.
 
 use std::collections::BTreeMap;
 
@@ -57,7 +57,7 @@ fn positions(plan: &Plan, cut: &Cut, read: &Read<'_>) -> Result<Vec<Position>, R
 fn nowhere(plan: &Plan, stream: u32, index: u64) -> RunFailure {
     let name = streams(plan)[stream as usize].name();
     RunFailure::Other(format!(
-        "the run cannot be taken up: it needs sample #{index} of `{name}`, which is neither on the tape nor in the checkpoint: [record] \
+        "the run cannot be resumed: it needs sample #{index} of `{name}`, which is neither on the tape nor in the checkpoint: [record] \
          leaves it out, and it was not needed then; keep `{name}`, or change no delay, hold or fault that reaches further back"
     ))
 }
@@ -90,7 +90,7 @@ impl Recorder {
         match self.unsaved() {
             None => Ok(()),
             Some(stream) => Err(RunFailure::Other(format!(
-                "the run cannot be saved: its assessment has no `save`, and looks at `{stream}`, of which [record] leaves samples out; keep it"
+                "the run cannot be saved: its assessment has no `save`, and uses `{stream}`, of which [record] leaves samples out; keep it"
             ))),
         }
     }
@@ -189,7 +189,7 @@ impl Recorder {
         let rest = checkpoint.rest.as_ref();
         let counts = rest.map_or(&samples, |rest| &rest.counts);
         if counts.len() != samples.len() {
-            let reason = "the run cannot be taken up: the checkpoint is one of other streams";
+            let reason = "the run cannot be resumed: the checkpoint is one of other streams";
             return Err(RunFailure::Other(reason.into()));
         }
         let lacks: Vec<bool> = counts.iter().zip(&samples).map(|(there, all)| there < all).collect();
@@ -233,7 +233,7 @@ impl Recorder {
             return Ok(());
         }
         Err(RunFailure::Other(format!(
-            "the run cannot be taken up: [record] keeps more of `{}` now than the run before did, and its tape does not have that; keep no \
+            "the run cannot be resumed: [record] keeps more of `{}` now than the run before did, and its tape does not have that; keep no \
              more than it did",
             self.name(stream)
         )))
@@ -314,7 +314,7 @@ impl Recorder {
         let Some(rest) = rest.filter(|_| lacks.contains(&true)) else {
             return Ok(());
         };
-        let cannot = |what: &str| RunFailure::Other(format!("the run cannot be taken up: {what}"));
+        let cannot = |what: &str| RunFailure::Other(format!("the run cannot be resumed: {what}"));
         let lacking = (0..lacks.len()).filter(|stream| lacks[*stream]);
         if let Some(assessment) = &mut self.assessment
             && lacking.clone().any(|stream| assessment.reads(stream))
@@ -326,7 +326,7 @@ impl Recorder {
         for watch in self.watches.iter_mut().filter(|watch| lacks[watch.stream]) {
             if !watch.restore(&rest.guards) {
                 let what = format!(
-                    "{} is new or was changed, and looks at a stream of which [record] leaves samples out",
+                    "{} is new or was changed, and uses a stream of which [record] leaves samples out",
                     watch.words()
                 );
                 return Err(cannot(&what));

@@ -19,7 +19,7 @@ pub(crate) fn attend(
     run_state: &mut RunState,
     now: Ticks,
 ) -> Result<Option<Ending>, Ending> {
-    while let Some(action) = run_state.guide.take(now) {
+    while let Some(action) = run_state.clock.take(now) {
         let done = match action {
             Action::Checkpoint { file } => checkpoint(executor, run_state, now, file).map(|()| Vec::new()),
             Action::Substitute(number) => substitute(executor, run_state, now, number),
@@ -33,7 +33,7 @@ pub(crate) fn attend(
             },
         };
         let fallen = done.map_err(|failure| {
-            run_state.guide.put_back(now, action);
+            run_state.clock.put_back(now, action);
             run_state.over(failure)
         })?;
         executor.renew_patience();
@@ -46,7 +46,7 @@ pub(crate) fn attend(
     Ok(None)
 }
 
-/// Reports the failure of `fallen`, without which the run was taken up, as an ending that the run may survive.
+/// Reports the failure of `fallen`, without which the run was resumed, as an ending that the run may survive.
 pub(crate) fn fell(
     executor: &mut dyn Executor,
     run_state: &RunState,
@@ -157,7 +157,7 @@ fn substitute(
 fn pause(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks) -> Result<bool, RunFailure> {
     // Readers of the tape now see everything before the rest.
     run_state.recorder().flush()?;
-    let steering = run_state.guide.hold(now);
+    let steering = run_state.clock.hold(now);
     let (processes, options) = (executor.processes(), &run_state.options);
     let go_on = prepare::pause(
         &run_state.plan,
@@ -168,6 +168,6 @@ fn pause(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks) -> R
         steering.as_deref(),
         || executor.failure(run_state),
     );
-    run_state.guide.go_on();
+    run_state.clock.go_on();
     go_on
 }

@@ -13,15 +13,7 @@ pub(crate) fn check(duration: Rational, end: Ticks, timebase: &Timebase, options
         let value = time.to_string();
         Err(RunFailure::Option { option, value, reason })
     };
-    // A run comes to rest at a whole tick: at the first one at or after an instant.
-    let too_late = |time: Rational| time >= duration || timebase.ceil(time).is_ok_and(|ticks| ticks >= end);
-    let end_told = |time: Rational| {
-        if time >= duration {
-            format!("the end at {duration}")
-        } else {
-            format!("the end at {duration} in ticks of {}", timebase.tick())
-        }
-    };
+    let late = |time: Rational| not_before_end(time, duration, end, timebase);
     let begin = options.origin.as_ref().map(|origin| origin.checkpoint.time);
     let instants = [
         ("--pause-at", &options.pause_at),
@@ -30,15 +22,13 @@ pub(crate) fn check(duration: Rational, end: Ticks, timebase: &Timebase, options
     for (option, times) in instants {
         for &time in times {
             if time.is_negative() {
-                return refuse(option, time, "lies before the start: give 0 s or more".into());
+                return refuse(option, time, "is before the start: give 0 s or more".into());
             }
-            if too_late(time) {
-                let end = end_told(time);
-                let reason = format!("is not before {end}: give an earlier time, or a longer --duration");
-                return refuse(option, time, reason);
+            if let Some(end) = late(time) {
+                return refuse(option, time, too_late(&end));
             }
             if let Some(begin) = begin.filter(|begin| time < *begin) {
-                let reason = format!("lies before t = {begin}, from which the run goes on: give a later time");
+                let reason = format!("is before t = {begin}, at which the run continues: give a later time");
                 return refuse(option, time, reason);
             }
         }
@@ -50,9 +40,8 @@ pub(crate) fn check(duration: Rational, end: Ticks, timebase: &Timebase, options
     if !every.is_positive() {
         return refuse(option, every, "is not above zero: give a time such as 5s".into());
     }
-    if too_late(every) {
-        let reason = format!("makes no checkpoint before {}: give less", end_told(every));
-        return refuse(option, every, reason);
+    if let Some(end) = late(every) {
+        return refuse(option, every, format!("makes no checkpoint before {end}: give less"));
     }
     // If the product overflows, it is longer than every run.
     if every
@@ -65,9 +54,55 @@ pub(crate) fn check(duration: Rational, end: Ticks, timebase: &Timebase, options
     Ok(())
 }
 
+/// Refuses `--from` at an instant at which a run of `duration` does not come to rest before its end at tick `end`.
+pub(crate) fn check_from(
+    from: Rational,
+    duration: Rational,
+    end: Ticks,
+    timebase: &Timebase,
+) -> Result<(), RunFailure> {
+    match not_before_end(from, duration, end, timebase) {
+        None => Ok(()),
+        Some(end) => Err(RunFailure::Option {
+            option: "--from",
+            value: from.to_string(),
+            reason: too_late(&end),
+        }),
+    }
+}
+
+/// The end of a run of `duration` in words, if the run does not come to rest at `time` before it. A run comes to rest at a whole tick:
+/// at the first one at or after an instant.
+fn not_before_end(time: Rational, duration: Rational, end: Ticks, timebase: &Timebase) -> Option<String> {
+    if time >= duration {
+        return Some(format!("the end at {duration}"));
+    }
+    let rounded_up = timebase.ceil(time).is_ok_and(|ticks| ticks >= end);
+    rounded_up.then(|| format!("the end at {duration} in ticks of {}", timebase.tick()))
+}
+
+fn too_late(end: &str) -> String {
+    format!("is not before {end}: give an earlier time, or a longer --duration")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn branch_that_rounds_up_to_the_end_is_refused_with_from() {
+        let timebase = Timebase::measuring([time("1 ms")]).unwrap();
+        let checked = |from| check_from(time(from), time("10 s"), 10_000, &timebase);
+        assert!(checked("9.999 s").is_ok());
+        for (from, part) in [("10 s", "the end at 10 s"), ("9.9991 s", "in ticks of 1 ms")] {
+            let refused = checked(from).unwrap_err();
+            assert_eq!(refused.exit_code(), 2);
+            let refused = refused.to_string();
+            for part in ["--from", &time(from).to_string(), part, "--duration"] {
+                assert!(refused.contains(part), "{part}: {refused}");
+            }
+        }
+    }
 
     fn refusal(change: impl FnOnce(&mut Options)) -> Option<String> {
         let mut options = Options::default();

@@ -70,13 +70,13 @@ impl FaultSpec {
 
     pub(super) fn link_fault(&self, name: &str, span: Span, connection: &str) -> Result<LinkFault, Refusal> {
         if self.drop.is_none() && self.extra_delay.is_none() {
-            let reason = "says nothing that is wrong with the connection: write drop = 0.3 or extra-delay = \"20 ms\"";
+            let reason = "does not specify a fault of the connection: write drop = 0.3 or extra-delay = \"20 ms\"";
             return Err((String::new(), reason.to_owned()));
         }
         if let Some(drop) = self.drop.filter(|drop| !(0.0..=1.0).contains(drop)) {
             return Err((
                 "drop".into(),
-                format!("{drop} is not a probability: it lies between 0 and 1"),
+                format!("{drop} is not a probability: write a value between 0 and 1"),
             ));
         }
         let extra_delay = self.extra_delay.as_ref().map(Time::checked);

@@ -146,7 +146,7 @@ impl Reader<'_> {
         let sort = entry.sort().map_err(|(field, reason)| refuse(&field, reason))?;
         let (at, until) = (entry.at.checked(), entry.until.as_ref().map(Time::checked));
         if at.is_negative() {
-            return Err(refuse("at", format!("{at} lies before the start")));
+            return Err(refuse("at", format!("{at} is before the start")));
         }
         if let Some(until) = until.filter(|until| *until <= at) {
             let reason = format!("{until} is not after the begin at {at}");
@@ -178,10 +178,12 @@ impl Reader<'_> {
                     let reason = self.participants.unknown("participant", &participant);
                     refuse("substitute", reason)
                 })?;
-                let run = entry
-                    .run
-                    .as_ref()
-                    .ok_or_else(|| refuse("", "`run` is missing: what takes its place?".to_owned()))?;
+                let run = entry.run.as_ref().ok_or_else(|| {
+                    refuse(
+                        "",
+                        "`run` is missing: name the program that replaces the participant".to_owned(),
+                    )
+                })?;
                 let Some(before) = &self.resolved[number] else {
                     return Ok(());
                 };

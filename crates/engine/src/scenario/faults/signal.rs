@@ -77,7 +77,10 @@ impl Signal {
             return Err(refusal("probability", format!("a {kind} has none: it is always there")));
         }
         if !(0.0..=1.0).contains(&self.probability) {
-            let reason = format!("{} is not a probability: it lies between 0 and 1", self.probability);
+            let reason = format!(
+                "{} is not a probability: write a value between 0 and 1",
+                self.probability
+            );
             return Err(refusal("probability", reason));
         }
         if self.bit.is_some() && self.kind != FaultKind::BitFlip {

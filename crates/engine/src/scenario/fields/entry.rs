@@ -117,7 +117,7 @@ impl Wiring {
                 Ok(Wiring::Named(named.collect::<Result<_, String>>()?))
             }
             other => Err(format!(
-                "`{other}` is no map: write {{ INPUT-FIELD = \"OUTPUT-FIELD\", … }} or \"by-name\""
+                "`{other}` is not a map: write {{ INPUT-FIELD = \"OUTPUT-FIELD\", … }} or \"by-name\""
             )),
         }
     }

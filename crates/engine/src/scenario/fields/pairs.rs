@@ -217,7 +217,11 @@ fn scale(part: &Part, from: &Field, to: &Field) -> Result<f64, String> {
         Some(Value::Integer(factor)) => *factor as f64,
         // The unit of the product is that of the factor times that of the field.
         Some(Value::String(text)) => return one(&product(text, &from.unit)),
-        Some(other) => return Err(format!("the factor `{other}` is no number: write 2, 0.5 or \"2 N/m\"")),
+        Some(other) => {
+            return Err(format!(
+                "the factor `{other}` is not a number: write 2, 0.5 or \"2 N/m\""
+            ));
+        }
     };
     if !factor.is_finite() {
         return Err(format!("the factor {factor} is not finite"));

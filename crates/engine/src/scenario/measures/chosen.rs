@@ -7,6 +7,7 @@ use toml::Value;
 
 use super::refusal::{Refusal, converted, refusal};
 use crate::measures::Reading;
+use crate::scenario::names::unknown;
 use crate::scenario::symbols::symbol;
 
 /// One or several elements named by the user.
@@ -25,13 +26,7 @@ impl<'a> Chosen<'a> {
         let names = || streams.iter().map(StreamSpec::name);
         let rest = |name: &String| path.strip_prefix(name.as_str()).and_then(|rest| rest.strip_prefix('.'));
         let Some(stream) = names().position(|name| rest(&name).is_some()) else {
-            let listed: Vec<String> = names().map(|name| format!("`{name}`")).collect();
-            let reason = format!(
-                "`{path}` is not a field of a stream: write \"PARTICIPANT.OUTPUT.FIELD\", or an element such as \
-                 \"PARTICIPANT.OUTPUT.FIELD[2]\"; the streams are {}",
-                listed.join(", ")
-            );
-            return refusal(key, reason);
+            return refusal(key, no_stream(streams, path));
         };
         let spec = &streams[stream];
         let name = &path[spec.name().len() + 1..];
@@ -149,4 +144,24 @@ impl<'a> Chosen<'a> {
             is,
         }
     }
+}
+
+/// The message that `path` names no field of `streams`.
+fn no_stream(streams: &[StreamSpec], path: &str) -> String {
+    let names: Vec<String> = streams.iter().map(StreamSpec::name).collect();
+    let parts: Vec<&str> = path.split('.').collect();
+    // A stream is PARTICIPANT.OUTPUT, or PARTICIPANT.seen.INPUT.
+    let length = if parts.get(1) == Some(&"seen") { 3 } else { 2 };
+    if parts.len() > length {
+        return unknown("stream", &parts[..length].join("."), names.iter());
+    }
+    let listed: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+    format!(
+        "`{path}` is not a field of a stream: write \"PARTICIPANT.OUTPUT.FIELD\", or an element such as \
+         \"PARTICIPANT.OUTPUT.FIELD[2]\"; the streams are {}",
+        match listed.is_empty() {
+            true => "none".to_owned(),
+            false => listed.join(", "),
+        }
+    )
 }

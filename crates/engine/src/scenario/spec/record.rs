@@ -53,7 +53,7 @@ impl RecordSpec {
             Value::Table(_) => typed(origin, key, value).map(RecordSpec::Part),
             other => {
                 let reason = format!(
-                    "{other} says nothing of what is kept: write false, true, or a table such as {{ every = \"10 ms\", from = \"2 s\", to = \"5 s\" }}"
+                    "{other} does not specify what is kept: write false, true, or a table such as {{ every = \"10 ms\", from = \"2 s\", to = \"5 s\" }}"
                 );
                 Err(origin.mistake(key, reason))
             }

@@ -1,4 +1,4 @@
-//! The horizon and the order to all participants: a small blackboard that all processes read at any time and only the orchestrator
+//! The horizon and the command to all participants: a small blackboard that all processes read at any time and only the orchestrator
 //! writes.
 
 use iceoryx2::port::reader::{EntryHandle, Reader};
@@ -8,16 +8,16 @@ use iceoryx2::service::port_factory::blackboard::PortFactory;
 use super::domain::{Domain, DomainError};
 use super::ipc::Ipc;
 use crate::time::Ticks;
-use crate::transport::lock_free::clock::{self, GO_ON, Horizon, Order};
+use crate::transport::lock_free::clock::{self, Command, Horizon, RUN};
 
 const SERVICE: &str = "clock";
 const HORIZON: u64 = 0;
-const ORDER: u64 = 1;
+const COMMAND: u64 = 1;
 
 /// The orchestrator's end. No participant does anything before the horizon is moved for the first time.
 pub struct ClockWriter {
     horizon: EntryHandleMut<Ipc, u64, i64>,
-    order: EntryHandleMut<Ipc, u64, u64>,
+    command: EntryHandleMut<Ipc, u64, u64>,
     now: Horizon,
     _writer: Writer<Ipc, u64>,
     _service: PortFactory<Ipc, u64>,
@@ -31,7 +31,7 @@ impl ClockWriter {
             .service(SERVICE)?
             .blackboard_creator::<u64>()
             .add::<i64>(HORIZON, Ticks::MIN)
-            .add::<u64>(ORDER, GO_ON)
+            .add::<u64>(COMMAND, RUN)
             .max_readers(readers)
             .max_nodes(readers + 1)
             .create()
@@ -39,7 +39,7 @@ impl ClockWriter {
         let writer = service.writer_builder().create().map_err(|error| failed(&error))?;
         Ok(ClockWriter {
             horizon: writer.entry::<i64>(&HORIZON).map_err(|error| failed(&error))?,
-            order: writer.entry::<u64>(&ORDER).map_err(|error| failed(&error))?,
+            command: writer.entry::<u64>(&COMMAND).map_err(|error| failed(&error))?,
             now: Horizon::START,
             _writer: writer,
             _service: service,
@@ -56,21 +56,21 @@ impl ClockWriter {
         self.now.now()
     }
 
-    /// Orders all participants to leave at the next opportunity.
-    pub fn stop(&mut self) {
-        clock::give(&self.order, Order::Leave);
+    /// Commands all participants to terminate at the next opportunity.
+    pub fn terminate(&mut self) {
+        clock::set_command(&self.command, Command::Terminate);
     }
 
-    /// Orders all participants to come to rest at their current activation.
-    pub fn recall(&mut self) {
-        clock::give(&self.order, Order::Rest);
+    /// Commands all participants to pause at their current activation.
+    pub fn pause(&mut self) {
+        clock::set_command(&self.command, Command::Pause);
     }
 }
 
 /// A participant's end.
 pub struct ClockReader {
     horizon: EntryHandle<Ipc, u64, i64>,
-    order: EntryHandle<Ipc, u64, u64>,
+    command: EntryHandle<Ipc, u64, u64>,
     _reader: Reader<Ipc, u64>,
     _service: PortFactory<Ipc, u64>,
 }
@@ -87,7 +87,7 @@ impl ClockReader {
         let reader = service.reader_builder().create().map_err(|error| failed(&error))?;
         Ok(ClockReader {
             horizon: reader.entry::<i64>(&HORIZON).map_err(|error| failed(&error))?,
-            order: reader.entry::<u64>(&ORDER).map_err(|error| failed(&error))?,
+            command: reader.entry::<u64>(&COMMAND).map_err(|error| failed(&error))?,
             _reader: reader,
             _service: service,
         })
@@ -98,8 +98,8 @@ impl ClockReader {
         *self.horizon.get()
     }
 
-    /// The order to all participants.
-    pub fn order(&self) -> Order {
-        clock::order(&self.order)
+    /// The command to all participants.
+    pub fn command(&self) -> Command {
+        clock::command(&self.command)
     }
 }

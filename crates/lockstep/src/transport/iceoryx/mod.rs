@@ -3,9 +3,9 @@
 //! | need | pattern | service |
 //! |---|---|---|
 //! | samples on link number n | publish-subscribe and blackboard (a ring) | `link/n` |
-//! | samples and notes of a participant to the recorder | publish-subscribe and blackboard (a ring) | `record/NAME` |
+//! | samples and events of a participant to the recorder | publish-subscribe and blackboard (a ring) | `record/NAME` |
 //! | requests to a participant | request-response | `control/NAME` |
-//! | the horizon and the order to rest or leave | blackboard | `clock` |
+//! | the horizon and the command to run, pause or terminate | blackboard | `clock` |
 //! | what a participant is doing, and whether it sleeps | blackboard | `status/NAME` |
 //! | waking a participant | event | `wake/NAME` |
 
@@ -24,9 +24,9 @@ mod ring;
 mod status;
 mod wake;
 
-pub use crate::transport::lock_free::asleep::Sleeping;
-pub use crate::transport::lock_free::clock::Order;
+pub use crate::transport::lock_free::clock::Command;
 pub use crate::transport::lock_free::entries::{Recorded, record_room, unpack};
+pub use crate::transport::lock_free::wait_reason::WaitReason;
 pub use clock::{ClockReader, ClockWriter};
 pub use control::{Asked, ControlClient, ControlServer};
 pub use domain::{Address, Domain, DomainError};
@@ -35,4 +35,4 @@ pub use ipc::VERSION;
 pub use link::{LinkReceiver, LinkSender, LinkService};
 pub use record::{RecordReceiver, RecordSender, SharedRecord};
 pub use status::{Activity, Status, StatusReader, StatusService, StatusWriter};
-pub use wake::{Bell, Sleeper, WakeService, Waker};
+pub use wake::{Sleeper, WakeNotifier, WakeService, Waker};

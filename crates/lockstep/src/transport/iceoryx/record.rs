@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::domain::{Domain, DomainError};
 use super::ring::{RingReader, RingService, RingWriter};
-use crate::control::Note;
+use crate::control::ParticipantEvent;
 use crate::transport::interface::{Broken, Header, Recording};
 use crate::transport::lock_free::entries::{EntryReceiver, EntrySender, Recorded, ring_words};
 use crate::transport::lock_free::words::LINE;
@@ -39,7 +39,7 @@ impl RecordSender {
         let what = || format!("handing over the record of `{participant}`");
         match ring.memory() {
             Ok(Some(_)) => {}
-            Ok(None) => return Err(domain.failed(what(), "nobody took it")),
+            Ok(None) => return Err(domain.failed(what(), "the recorder did not take it")),
             Err(error) => return Err(domain.failed(what(), error)),
         }
         Ok(RecordSender {
@@ -63,16 +63,16 @@ impl RecordSender {
         }
     }
 
-    /// Appends a note after the samples so far. `false` when there is no room now.
-    pub fn note(&mut self, note: &Note) -> Result<bool, Broken> {
+    /// Appends an event after the samples so far. `false` when there is no room now.
+    pub fn event(&mut self, event: &ParticipantEvent) -> Result<bool, Broken> {
         match self.ring.memory()? {
-            Some((words, count)) => self.sender.note(words, count, note),
+            Some((words, count)) => self.sender.event(words, count, event),
             None => Ok(false),
         }
     }
 }
 
-/// A [`RecordSender`] that the stepper and the host share: the stepper appends samples, the host appends notes.
+/// A [`RecordSender`] that the stepper and the host share: the stepper appends samples, the host appends events.
 #[derive(Clone)]
 pub struct SharedRecord(pub Rc<RefCell<RecordSender>>);
 

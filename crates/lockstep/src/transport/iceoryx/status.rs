@@ -9,10 +9,10 @@ use iceoryx2::service::port_factory::blackboard::PortFactory;
 
 use super::domain::{Domain, DomainError};
 use super::ipc::Ipc;
-use crate::transport::lock_free::asleep::{self, Announce, Sleeping};
 use crate::transport::lock_free::board::Get;
+use crate::transport::lock_free::wait_reason::{self, Announce, WaitReason};
 
-const ASLEEP: u64 = 0;
+const WAIT_REASON: u64 = 0;
 const STATUS: u64 = 1;
 
 /// The current activity of a participant.
@@ -38,8 +38,8 @@ pub enum Activity {
     },
     /// Waiting for the recorder.
     Recorder,
-    /// At rest at the horizon.
-    Rest,
+    /// At the horizon, or paused by a command.
+    Paused,
     /// Done.
     Finished,
 }
@@ -85,7 +85,7 @@ impl StatusService {
         let service = domain
             .service(&name(participant))?
             .blackboard_creator::<u64>()
-            .add::<u64>(ASLEEP, 0)
+            .add::<u64>(WAIT_REASON, 0)
             .add::<Row>(STATUS, Row::default())
             .max_readers(readers)
             .max_nodes(readers + 2)
@@ -99,7 +99,7 @@ impl StatusService {
 
 /// The participant's own end.
 pub struct StatusWriter {
-    asleep: EntryHandleMut<Ipc, u64, u64>,
+    wait_reason: EntryHandleMut<Ipc, u64, u64>,
     row: EntryHandleMut<Ipc, u64, Row>,
     _writer: Writer<Ipc, u64>,
     _service: PortFactory<Ipc, u64>,
@@ -117,7 +117,7 @@ impl StatusWriter {
             .map_err(|error| failed(&error))?;
         let writer = service.writer_builder().create().map_err(|error| failed(&error))?;
         Ok(StatusWriter {
-            asleep: writer.entry::<u64>(&ASLEEP).map_err(|error| failed(&error))?,
+            wait_reason: writer.entry::<u64>(&WAIT_REASON).map_err(|error| failed(&error))?,
             row: writer.entry::<Row>(&STATUS).map_err(|error| failed(&error))?,
             _writer: writer,
             _service: service,
@@ -132,7 +132,7 @@ impl StatusWriter {
             Activity::Input { input, index } => (2, u64::from(input), index),
             Activity::Room { output, consumer } => (3, u64::from(output), u64::from(consumer)),
             Activity::Recorder => (4, 0, 0),
-            Activity::Rest => (5, 0, 0),
+            Activity::Paused => (5, 0, 0),
             Activity::Finished => (6, 0, 0),
         };
         self.row.update_with_copy(Row {
@@ -145,19 +145,19 @@ impl StatusWriter {
 }
 
 impl Announce for StatusWriter {
-    fn set_asleep(&mut self, what: Option<Sleeping>) {
-        asleep::set_asleep(&self.asleep, what);
+    fn set_wait_reason(&mut self, what: Option<WaitReason>) {
+        wait_reason::set_wait_reason(&self.wait_reason, what);
     }
 }
 
-/// The *asleep* word of another participant. Reading a blackboard writes to it (a compare-and-exchange), which takes the line away from its
+/// The *wait reason* word of another participant. Reading a blackboard writes to it (a compare-and-exchange), which takes the line away from its
 /// owner: while nothing was written, its count of writes is read alone.
-struct AsleepWord {
+struct WaitReasonWord {
     handle: EntryHandle<Ipc, u64, u64>,
     known: RefCell<BlackboardValue<u64>>,
 }
 
-impl Get<u64> for AsleepWord {
+impl Get<u64> for WaitReasonWord {
     #[inline]
     fn get(&self) -> u64 {
         let mut known = self.known.borrow_mut();
@@ -170,7 +170,7 @@ impl Get<u64> for AsleepWord {
 
 /// The reading end, for other processes.
 pub struct StatusReader {
-    asleep: AsleepWord,
+    wait_reason: WaitReasonWord,
     row: EntryHandle<Ipc, u64, Row>,
     _reader: Reader<Ipc, u64>,
     _service: PortFactory<Ipc, u64>,
@@ -187,9 +187,9 @@ impl StatusReader {
             .open()
             .map_err(|error| failed(&error))?;
         let reader = service.reader_builder().create().map_err(|error| failed(&error))?;
-        let handle = reader.entry::<u64>(&ASLEEP).map_err(|error| failed(&error))?;
+        let handle = reader.entry::<u64>(&WAIT_REASON).map_err(|error| failed(&error))?;
         Ok(StatusReader {
-            asleep: AsleepWord {
+            wait_reason: WaitReasonWord {
                 known: RefCell::new(handle.get()),
                 handle,
             },
@@ -200,13 +200,13 @@ impl StatusReader {
     }
 
     /// What the participant sleeps for, or is about to sleep for.
-    pub fn asleep(&self) -> Option<Sleeping> {
-        asleep::asleep(&self.asleep)
+    pub fn wait_reason(&self) -> Option<WaitReason> {
+        wait_reason::wait_reason(&self.wait_reason)
     }
 
     /// Whether the participant must be woken for something for which `came` is true and which has been published.
-    pub(super) fn must_be_woken(&self, came: impl Fn(Sleeping) -> bool) -> bool {
-        asleep::must_be_woken(&self.asleep, came)
+    pub(super) fn must_be_woken(&self, came: impl Fn(WaitReason) -> bool) -> bool {
+        wait_reason::must_be_woken(&self.wait_reason, came)
     }
 
     /// The participant's status. The row is written by another process, so an unknown word is read as `Starting`.
@@ -223,7 +223,7 @@ impl StatusReader {
                 consumer: row.second as u32,
             },
             4 => Activity::Recorder,
-            5 => Activity::Rest,
+            5 => Activity::Paused,
             6 => Activity::Finished,
             _ => Activity::Starting,
         };

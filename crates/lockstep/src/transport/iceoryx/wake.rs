@@ -10,7 +10,7 @@ use super::domain::{Domain, DomainError};
 use super::ipc::{Ipc, broken};
 use super::status::StatusReader;
 use crate::transport::interface::Broken;
-use crate::transport::lock_free::asleep::{Sleep, Sleeping};
+use crate::transport::lock_free::wait_reason::{Sleep, WaitReason};
 
 fn name(participant: &str) -> String {
     format!("wake/{participant}")
@@ -36,8 +36,8 @@ impl WakeService {
     }
 
     /// A notifier that wakes the participant whatever it is doing, for the orchestrator.
-    pub fn bell(&self, domain: &Domain) -> Result<Bell, DomainError> {
-        Ok(Bell(
+    pub fn notifier(&self, domain: &Domain) -> Result<WakeNotifier, DomainError> {
+        Ok(WakeNotifier(
             self.0
                 .notifier_builder()
                 .create()
@@ -47,11 +47,11 @@ impl WakeService {
 }
 
 /// Wakes one participant unconditionally.
-pub struct Bell(Notifier<Ipc>);
+pub struct WakeNotifier(Notifier<Ipc>);
 
-impl Bell {
+impl WakeNotifier {
     /// Notifies the participant, whether it sleeps or not.
-    pub fn ring(&self) {
+    pub fn notify(&self) {
         // A missing listener is not an error: a participant that has left needs no waking.
         let _ = self.0.notify();
     }
@@ -123,7 +123,7 @@ impl Waker {
 
     /// Wakes the participant if it sleeps for something for which `came` is true. To be called after that has been published; costs one
     /// read of its row while it is awake.
-    pub fn wake(&self, came: impl Fn(Sleeping) -> bool) {
+    pub fn wake(&self, came: impl Fn(WaitReason) -> bool) {
         if self.status.must_be_woken(came) {
             let _ = self.notifier.notify();
         }

@@ -1,39 +1,39 @@
-//! The horizon and the order to all participants: two numbers that all processes read at any time and only the orchestrator writes.
+//! The horizon and the command to all participants: two numbers that all processes read at any time and only the orchestrator writes.
 
 use super::board::{Get, Set};
 use crate::time::Ticks;
 
-/// The order to go on, which is the initial value on the board.
-pub(crate) const GO_ON: u64 = 0;
-const LEAVE: u64 = 1;
-const REST: u64 = 2;
+/// The command to run, which is the initial value on the board.
+pub(crate) const RUN: u64 = 0;
+const TERMINATE: u64 = 1;
+const PAUSE: u64 = 2;
 
-/// The order to all participants, besides stepping up to the horizon.
+/// The command to all participants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
-    /// Nothing else.
-    GoOn,
-    /// Come to rest at the current activation, and wait for requests.
-    Rest,
-    /// Leave.
-    Leave,
+pub enum Command {
+    /// Step up to the horizon.
+    Run,
+    /// Pause at the current activation, and wait for requests.
+    Pause,
+    /// Terminate, or enter the run again where the last request to move said.
+    Terminate,
 }
 
-/// The order to all participants. An unknown order counts as the order to leave.
-pub(crate) fn order(board: &impl Get<u64>) -> Order {
+/// The command to all participants. An unknown command counts as the command to terminate.
+pub(crate) fn command(board: &impl Get<u64>) -> Command {
     match board.get() {
-        GO_ON => Order::GoOn,
-        REST => Order::Rest,
-        _ => Order::Leave,
+        RUN => Command::Run,
+        PAUSE => Command::Pause,
+        _ => Command::Terminate,
     }
 }
 
-/// Gives an order to all participants.
-pub(crate) fn give(board: &impl Set<u64>, order: Order) {
-    board.set(match order {
-        Order::GoOn => GO_ON,
-        Order::Rest => REST,
-        Order::Leave => LEAVE,
+/// Sets the command to all participants.
+pub(crate) fn set_command(board: &impl Set<u64>, command: Command) {
+    board.set(match command {
+        Command::Run => RUN,
+        Command::Pause => PAUSE,
+        Command::Terminate => TERMINATE,
     });
 }
 

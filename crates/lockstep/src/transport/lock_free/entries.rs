@@ -4,7 +4,7 @@
 //! them, whatever happens to the participant. The first word of the memory is the total number of words of entries ever committed; the
 //! ring begins on the next cache line. The recorder also counts in words.
 //!
-//! An entry is a header of four 64-bit words (stream or [`NOTE`], bytes, index, stamp), then the payload, padded to a multiple of 8. At
+//! An entry is a header of four 64-bit words (stream or [`EVENT`], bytes, index, stamp), then the payload, padded to a multiple of 8. At
 //! the end of the ring, an entry continues at the ring's beginning.
 
 use std::ops::RangeInclusive;
@@ -12,24 +12,24 @@ use std::ops::RangeInclusive;
 use super::board::{Get, Set};
 use super::room::Room;
 use super::words::{LINE, Word, put};
-use crate::control::Note;
+use crate::control::ParticipantEvent;
 use crate::transport::interface::{Broken, Header};
 use crate::wire;
 
-/// Takes the place of the stream number in the entry of a note.
-pub(super) const NOTE: u64 = u64::MAX;
+/// Takes the place of the stream number in the entry of an event.
+pub(super) const EVENT: u64 = u64::MAX;
 /// Words of an entry's header.
 const HEAD: usize = 4;
 /// The size of a ring where there is enough memory, words: enough for participants that exchange samples every microsecond while the
 /// recorder sleeps, and small enough to stay in a core's own cache.
 const ROOM: usize = 1 << 17;
-/// The minimum size of a ring, words: a longest note and those that may come with it.
+/// The minimum size of a ring, words: a longest event and those that may come with it.
 const ROOM_MIN: usize = 1 << 11;
 /// The number of activations for which every ring has room.
 const ACTIVATIONS: usize = 4;
 /// Words that are taken at a time, if they contain a whole entry.
 const BATCH: usize = 1 << 12;
-/// The longest failure reason of a participant, bytes: a note fits into a ring.
+/// The longest failure reason of a participant, bytes: an event fits into a ring.
 const REASON: usize = 6 * 1024;
 
 /// The words of an entry with a payload of `size` bytes.
@@ -145,20 +145,25 @@ impl EntrySender {
         words[0].announce(self.written);
     }
 
-    /// Appends a note after the samples so far. `false` when there is no room now.
-    pub(crate) fn note(&mut self, words: &[Word], count: &impl Get<u64>, note: &Note) -> Result<bool, Broken> {
-        let mut note = note.clone();
-        if let Note::Failed { reason, .. } = &mut note {
+    /// Appends an event after the samples so far. `false` when there is no room now.
+    pub(crate) fn event(
+        &mut self,
+        words: &[Word],
+        count: &impl Get<u64>,
+        event: &ParticipantEvent,
+    ) -> Result<bool, Broken> {
+        let mut event = event.clone();
+        if let ParticipantEvent::Failed { reason, .. } = &mut event {
             let end = (0..=REASON.min(reason.len()))
                 .rev()
                 .find(|&end| reason.is_char_boundary(end));
             reason.truncate(end.unwrap_or(0));
         }
-        let bytes = wire::encode("a note", &note).map_err(|error| Broken(error.to_string()))?;
+        let bytes = wire::encode("a participant event", &event).map_err(|error| Broken(error.to_string()))?;
         if !self.has_room(words_of(bytes.len()), count)? {
             return Ok(false);
         }
-        self.append(words, [NOTE, bytes.len() as u64, 0, 0], &bytes);
+        self.append(words, [EVENT, bytes.len() as u64, 0, 0], &bytes);
         self.commit(words);
         Ok(true)
     }
@@ -176,8 +181,8 @@ pub enum Recorded<'a> {
         /// The payload.
         payload: &'a [u8],
     },
-    /// A note.
-    Note(Note),
+    /// A participant event.
+    Event(ParticipantEvent),
 }
 
 /// The receiver's state of a ring.
@@ -225,7 +230,7 @@ impl EntryReceiver {
                 .map(words_of);
             batch = match longer {
                 Some(words) if batch < words && words <= new => words,
-                _ => return Err(Broken("recorded an entry that goes on behind what it committed".to_owned()).into()),
+                _ => return Err(Broken("recorded an entry that extends beyond what it committed".to_owned()).into()),
             };
         };
         self.taken += used as u64;
@@ -271,10 +276,10 @@ fn split_entry(words: &[u64]) -> Result<Option<(Recorded<'_>, &[u64])>, Broken> 
         return Ok(None);
     };
     let rest = &rest[payload.len().div_ceil(8)..];
-    let entry = if stream == NOTE {
-        Recorded::Note(
-            wire::decode("a note", payload)
-                .map_err(|error| Broken(format!("recorded a note that is none: {error}")))?,
+    let entry = if stream == EVENT {
+        Recorded::Event(
+            wire::decode("a participant event", payload)
+                .map_err(|error| Broken(format!("recorded a participant event that is none: {error}")))?,
         )
     } else {
         let stream = u32::try_from(stream).map_err(|_| Broken(format!("recorded a sample of stream {stream}")))?;

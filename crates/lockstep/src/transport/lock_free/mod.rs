@@ -4,7 +4,6 @@
 //! `tests/ordering` includes these same files with the atomics of a model checker in place of [`sync`], and explores the orders in which
 //! two processors may see them.
 
-pub(crate) mod asleep;
 pub(crate) mod board;
 pub(crate) mod clock;
 pub(crate) mod entries;
@@ -13,4 +12,5 @@ pub(crate) mod slots;
 pub(crate) mod sync;
 #[cfg(test)]
 mod tests;
+pub(crate) mod wait_reason;
 pub(crate) mod words;

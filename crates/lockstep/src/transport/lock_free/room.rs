@@ -29,6 +29,6 @@ pub(crate) fn taken(count: &impl Get<u64>, before: u64, written: u64) -> Result<
         return Ok(taken);
     }
     Err(Broken(format!(
-        "its reader says that it took {taken} of {written}, after {before}"
+        "its reader reports that it took {taken} of {written}, after {before}"
     )))
 }

@@ -1,6 +1,6 @@
 //! Invalid words in a ring of entries are rejected. In a separate file, because the tests of memory ordering include the entries file.
 
-use super::entries::{NOTE, committed, unpack};
+use super::entries::{EVENT, committed, unpack};
 use super::words::{LINE, Word};
 use crate::transport::interface::Broken;
 
@@ -32,9 +32,9 @@ fn whatever_a_record_holds_it_ends_with_a_reason() {
         assert_eq!(read(&[&sample[..], torn].concat()), Ok((1, 6)), "{torn:?}");
     }
     for bad in [
-        &[1 << 40, 0, 5, 50][..],       // a stream number out of range
-        &[NOTE, 8, 0, 0, 77],           // an unknown note
-        &[NOTE, 16, 0, 0, 0, u64::MAX], // an unbounded count
+        &[1 << 40, 0, 5, 50][..],        // a stream number out of range
+        &[EVENT, 8, 0, 0, 77],           // an unknown event
+        &[EVENT, 16, 0, 0, 0, u64::MAX], // an unbounded count
     ] {
         assert!(read(bad).is_err(), "{bad:?}");
     }

@@ -241,7 +241,7 @@ class Chart {
     pen.setLineDash([]);
   }
 
-  /** Now, whether anybody has scrolled here yet or not: paper shows everything. */
+  /** Draws now, whether the figure has been scrolled to or not: paper shows everything. */
   print() { this.draw(); }
 
   drawOver() {

@@ -181,7 +181,7 @@ class Signals {
     this.grids = el("div", {});
     this.next = el("button", { onclick: () => { this.more += FIRST; this.fill(); } });
     body.append(el("div", { class: "search" }, this.search, this.count), this.ports, this.grids, el("p", {}, this.next));
-    // Behind figures that somebody chose the fields wait to be asked for.
+    // After figures that the scenario selects, the fields are hidden until they are requested.
     this.eager = alone;
     this.fill();
   }
@@ -222,5 +222,5 @@ class Signals {
   }
 }
 
-/** So many signals are shown before somebody asks for more. */
+/** The number of signals that are shown before the reader requests more. */
 const FIRST = 24;

@@ -1,4 +1,4 @@
-// A run that is going on: asks the server that the page came from for news, and carries wishes to it. Nothing here waits for
+// A run in progress: polls the server of the page for news, and sends it commands. Nothing here waits for
 // the run, and the run does not wait for anything here.
 class Live {
   constructor() {
@@ -15,11 +15,11 @@ class Live {
   bar() {
     const button = (name, title, what) => el("button", { title, onclick: what }, name);
     this.dot = el("i", { class: "dot" }); this.text = el("span", { class: "state" });
-    this.pause = button("Pause", "Come to rest as soon as possible", () => this.wish({ do: this.paused ? "resume" : "pause" }));
-    this.unit = el("select", { title: "What a step is", "aria-label": "What a step is", onchange: () => { this.time.hidden = this.unit.value !== "time"; } },
+    this.pause = button("Pause", "Pause as soon as possible", () => this.command({ do: this.paused ? "resume" : "pause" }));
+    this.unit = el("select", { title: "The unit of a step", "aria-label": "The unit of a step", onchange: () => { this.time.hidden = this.unit.value !== "time"; } },
       ...this.about.participants.map((one) => el("option", { value: "of " + one.name }, `one of ${one.name}, ${show(one.period_s)} s`)), el("option", { value: "time" }, "a time"));
     this.time = el("input", { type: "text", value: "100 ms", size: 8, hidden: true, "aria-label": "Step, with its unit", title: "Such as 10 ms or 1/300 s" });
-    this.step = button("Step", "Go on by one step and come to rest", () => this.wish(this.unit.value === "time"
+    this.step = button("Step", "Advance by one step and pause", () => this.command(this.unit.value === "time"
       ? { do: "step", time: this.time.value } : { do: "step", participant: this.unit.value.slice(3) }));
     this.time.addEventListener("keydown", (event) => { if (event.key === "Enter") this.step.click(); });
     const bar = document.getElementById("live");
@@ -27,7 +27,7 @@ class Live {
     bar.replaceChildren(this.dot, this.text, this.pause, this.step, this.unit, this.time);
   }
 
-  async wish(body) {
+  async command(body) {
     try {
       const answer = await fetch("control", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
       if (answer.ok) this.show(await answer.json()); else { this.say(await answer.text()); this.until = performance.now() + 4000; }
@@ -82,10 +82,10 @@ class Live {
     this.step.disabled = this.unit.disabled = this.time.disabled = !state.paused;
     this.dot.dataset.state = state.paused ? (state.resting ? "paused" : "stopping") : "running";
     const at = state.paused && state.resting ? state.horizon : state.t;
-    this.say(`t = ${at.toFixed(3)} s of ${show(this.about.duration_s)} s` + (state.paused ? (state.resting ? ", at rest" : ", coming to rest") : this.rate ? `, ${this.rate.toFixed(1)} × real time` : "") + this.pace(state.pace));
+    this.say(`t = ${at.toFixed(3)} s of ${show(this.about.duration_s)} s` + (state.paused ? (state.resting ? ", paused" : ", pausing") : this.rate ? `, ${this.rate.toFixed(1)} × real time` : "") + this.pace(state.pace));
   }
 
-  /** How the pace of the wall clock is kept, and who is late. */
+  /** How the pace of the wall clock is kept, and which participants are late. */
   pace(pace) {
     if (!pace) return "";
     const late = Object.entries(pace.participants).filter(([, one]) => one.overruns > 0).sort((a, b) => b[1].overruns - a[1].overruns)

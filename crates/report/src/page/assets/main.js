@@ -145,7 +145,7 @@ function controls() {
   setTheme(dark.matches ? "dark" : "light");
   dark.addEventListener("change", () => setTheme(dark.matches ? "dark" : "light"));
   at("theme").addEventListener("click", () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
-  // Paper is white whatever the screen was, as wide as it is, and nobody scrolls on it: everything is drawn for it at once.
+  // Paper is white whatever the screen was, as wide as it is, and without scrolling: everything is drawn for it at once.
   let before = "light";
   const draw = () => {
     const { figures = {}, player } = window.escapement || {};

@@ -1,4 +1,4 @@
-//! The *asleep* word: a participant that is about to sleep sets it and polls once more; a process that publishes reads it afterwards.
+//! The *wait reason* word: a participant that is about to sleep sets it and polls once more; a process that publishes reads it afterwards.
 //!
 //! Each side writes one word and then reads the other's. A full fence between the two ensures that at least one of them sees the other's
 //! write.
@@ -9,47 +9,47 @@ use super::board::{Get, Set};
 use super::sync::{Ordering, fence};
 use crate::transport::interface::Broken;
 
-/// What a participant sleeps for, encoded for its *asleep* word: other processes wake it for nothing else.
+/// What a participant sleeps for, encoded for its *wait reason* word: other processes wake it for nothing else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sleeping(u64);
+pub struct WaitReason(u64);
 
-impl Sleeping {
+impl WaitReason {
     /// For anything that may come.
-    pub const FOR_ANYTHING: Sleeping = Sleeping(1);
+    pub const FOR_ANYTHING: WaitReason = WaitReason(1);
 
     /// For a sample on link number `link`.
-    pub fn for_sample(link: u32) -> Sleeping {
-        Sleeping(2 * u64::from(link) + 2)
+    pub fn for_sample(link: u32) -> WaitReason {
+        WaitReason(2 * u64::from(link) + 2)
     }
 
     /// For room on link number `link`.
-    pub fn for_room(link: u32) -> Sleeping {
-        Sleeping(2 * u64::from(link) + 3)
+    pub fn for_room(link: u32) -> WaitReason {
+        WaitReason(2 * u64::from(link) + 3)
     }
 }
 
 /// What the participant sleeps for, or is about to sleep for.
-pub(crate) fn asleep(word: &impl Get<u64>) -> Option<Sleeping> {
-    Some(word.get()).filter(|&word| word != 0).map(Sleeping)
+pub(crate) fn wait_reason(word: &impl Get<u64>) -> Option<WaitReason> {
+    Some(word.get()).filter(|&word| word != 0).map(WaitReason)
 }
 
 /// Announces in the participant's own word that it is about to sleep and what for, or that it is awake again. Before it sleeps it must
 /// poll once more: a process that publishes after that poll sees the word.
-pub(crate) fn set_asleep(word: &impl Set<u64>, what: Option<Sleeping>) {
+pub(crate) fn set_wait_reason(word: &impl Set<u64>, what: Option<WaitReason>) {
     word.set(what.map_or(0, |what| what.0));
     fence(Ordering::SeqCst);
 }
 
 /// Whether the participant must be woken for something for which `came` is true and which has been published.
-pub(crate) fn must_be_woken(word: &impl Get<u64>, came: impl Fn(Sleeping) -> bool) -> bool {
+pub(crate) fn must_be_woken(word: &impl Get<u64>, came: impl Fn(WaitReason) -> bool) -> bool {
     fence(Ordering::SeqCst);
-    asleep(word).is_some_and(|what| what == Sleeping::FOR_ANYTHING || came(what))
+    wait_reason(word).is_some_and(|what| what == WaitReason::FOR_ANYTHING || came(what))
 }
 
 /// Where a participant announces what it sleeps for.
 pub(crate) trait Announce {
-    /// Like [`set_asleep`], in the participant's own word.
-    fn set_asleep(&mut self, what: Option<Sleeping>);
+    /// Like [`set_wait_reason`], in the participant's own word.
+    fn set_wait_reason(&mut self, what: Option<WaitReason>);
 }
 
 /// The sleep of a participant.

@@ -1,4 +1,4 @@
-//! Checks of participants' notes about their progress against the plan and their recorded samples.
+//! Checks of the events in which participants report their progress against the plan and their recorded samples.
 
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;
@@ -6,7 +6,7 @@ use lockstep::transport::Broken;
 use super::recorder::{Recorder, samples};
 
 impl Recorder {
-    /// Checks a Finished note of participant number `participant` against its recorded samples.
+    /// Checks the event Finished of participant number `participant` against its recorded samples.
     ///
     /// # Errors
     /// The contradiction, in words that follow the participant's name.
@@ -16,14 +16,14 @@ impl Recorder {
         let last = own.activations.checked_sub(1).map(|last| own.sample_time.instant(last));
         if last.is_some_and(|last| last >= self.granted) {
             return Err(Broken(format!(
-                "{says}; it may go no further than t = {} s",
+                "{says}; it is granted no time after t = {} s",
                 self.plan.timebase.seconds(self.granted)
             )));
         }
         self.stands_at(participant, own.activations, says)
     }
 
-    /// Checks an AtRest note (granted time and next activation) against the plan and the recorded samples.
+    /// Checks the event AtHorizon (granted time and next activation) against the plan and the recorded samples.
     ///
     /// # Errors
     /// As [`Recorder::finished`].
@@ -32,7 +32,7 @@ impl Recorder {
         let says = format!("reports that it rests at t = {t} s");
         if horizon > self.granted {
             return Err(Broken(format!(
-                "{says}; it may go no further than t = {} s",
+                "{says}; it is granted no time after t = {} s",
                 self.plan.timebase.seconds(self.granted)
             )));
         }
@@ -47,7 +47,7 @@ impl Recorder {
         self.stands_at(participant, next, &says)
     }
 
-    /// Checks a Recalled note (next activation) against the recorded samples.
+    /// Checks the event Paused (next activation) against the recorded samples.
     ///
     /// # Errors
     /// As [`Recorder::finished`].
