@@ -214,3 +214,27 @@ fn campaign_that_cannot_be_is_refused_with_its_key() {
         &["points", "take it out"],
     );
 }
+
+#[test]
+fn columns_that_a_design_makes_are_no_names_of_dispersions() {
+    let files = Files::new("taken");
+    for design in ["saltelli", "subset"] {
+        let drawn = |name: &str| {
+            let uniform = one("mass", "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'");
+            format!(
+                "points = 20\ndesign = '{design}'\n{}",
+                uniform.replace("vary.x", &format!("vary.{name}"))
+            )
+        };
+        let made = files.plan(&drawn("x")).unwrap().heads();
+        let made: Vec<&str> = made
+            .iter()
+            .map(|head| head.name.as_str())
+            .filter(|name| *name != "x")
+            .collect();
+        assert_eq!(made.len(), 3, "two of the design and the seed: {made:?}");
+        for name in made {
+            refused(&files, &drawn(name), &[&format!("the name `{name}` is not possible")]);
+        }
+    }
+}

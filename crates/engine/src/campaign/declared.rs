@@ -10,6 +10,7 @@ use sampling::subset::Candidate;
 
 use super::POINTS_MAX;
 use super::cell::{Head, Point};
+use super::column::{LEVEL, MATRIX, PARENT, ROW, SEED};
 use super::dispersions::{Design, Dispersion, Draws, Quantity, Sized};
 use made::Made;
 
@@ -266,13 +267,13 @@ impl Declared {
                 1 => "B".to_owned(),
                 _ => format!("AB {}", self.factors().unwrap_or_default()[outer - 2]),
             };
-            made.text("matrix", matrix);
-            made.whole("row", inner as u64 + 1);
+            made.text(MATRIX, matrix);
+            made.whole(ROW, inner as u64 + 1);
         }
         if self.levels {
-            made.whole("level", candidate.map_or(0, |one| one.level as u64) + 1);
+            made.whole(LEVEL, candidate.map_or(0, |one| one.level as u64) + 1);
             let parent = candidate.and_then(|one| one.parent);
-            made.whole("parent", parent.map_or(0, |parent| parent as u64 + 1));
+            made.whole(PARENT, parent.map_or(0, |parent| parent as u64 + 1));
         }
         let mut given = candidate.map_or(&[][..], |one| &one.u);
         for (one, way) in self.dispersions.iter().zip(&self.ways) {
@@ -306,7 +307,7 @@ impl Declared {
         if let Some(first) = self.first_seed {
             let seed = first.saturating_add(inner as u64);
             made.settings.insert("seed".to_owned(), seed.to_string());
-            made.whole("seed", seed);
+            made.whole(SEED, seed);
         }
         made.finish()
     }
