@@ -137,7 +137,8 @@ impl Folder {
             known
                 .may_become(identity, campaign)
                 .map_err(|reason| refusal(root, reason))?;
-            if known != *identity {
+            // Damaged points are written anew as well.
+            if known != *identity || !identity.has_rows(root, campaign) {
                 identity.write(root, campaign)?;
             }
         } else {

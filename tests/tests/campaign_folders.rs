@@ -1,0 +1,116 @@
+//! What stands in a campaign's folder is trusted only as far as it is whole, and what is missing is reported.
+
+use std::path::{Path, PathBuf};
+
+use escapement_tests::program::{Folder, Said, orchestrate, text};
+use escapement_tests::world::springs;
+
+const CAMPAIGN: &str = r#"scenario = "springs.toml"
+points = 6
+
+[vary.mass]
+key = "participants.right.parameters.mass"
+distribution = "uniform"
+from = "1 kg"
+to = "2 kg"
+"#;
+
+/// Writes the campaign with its scenario; returns the campaign file.
+fn campaign(folder: &Folder) -> PathBuf {
+    springs(folder);
+    folder.write("campaign.toml", CAMPAIGN)
+}
+
+fn sweep(file: &Path, out: &Path, more: &[&str]) -> Said {
+    orchestrate(&[&["sweep", text(file), "--quiet", "--out", text(out)], more].concat())
+}
+
+/// Checks that `said` is one error with all of `parts`.
+fn refused(said: &Said, parts: &[&str]) {
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert_eq!(said.err.matches("error:").count(), 1, "{said:?}");
+    for part in parts {
+        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+    }
+}
+
+/// Replaces the file `name` in `folder` by what `change` makes of its lines.
+fn edit(folder: &Path, name: &str, change: impl FnOnce(&mut Vec<String>)) {
+    let path = folder.join(name);
+    let mut lines: Vec<String> = std::fs::read_to_string(&path)
+        .unwrap()
+        .lines()
+        .map(str::to_owned)
+        .collect();
+    change(&mut lines);
+    std::fs::write(path, lines.join("\n") + "\n").unwrap();
+}
+
+#[test]
+fn points_that_are_damaged_are_refused_and_written_anew() {
+    let folder = Folder::new("damaged-points");
+    let out = |name: &str| folder.path().join(name);
+    let file = campaign(&folder);
+    let whole = out("whole");
+    assert_eq!(sweep(&file, &whole, &[]).code, Some(0));
+    let points = std::fs::read_to_string(whole.join("points.jsonl")).unwrap();
+    let table = std::fs::read_to_string(whole.join("table.csv")).unwrap();
+    let other = |line: &str| line.replace("mass=1.", "mass=9.");
+    type Damage<'a> = (&'a dyn Fn(&mut Vec<String>), &'a [&'a str]);
+    let damages: [Damage<'_>; 5] = [
+        (&|lines| drop(lines.remove(2)), &["the row of point 3 is missing: "]),
+        (
+            &|lines| lines.truncate(2),
+            &["the row of point 3 is missing, and those of 3 others"],
+        ),
+        (&|lines| lines[1].truncate(20), &["line 2 is no row of a point"]),
+        (
+            &|lines| lines[4] = lines[4].replace("\"texts\":[", "\"texts\":[\"x\","),
+            &["line 5 has other columns"],
+        ),
+        (
+            &|lines| lines.iter_mut().for_each(|line| *line = other(line)),
+            &["not those that the campaign was started with", "digest"],
+        ),
+    ];
+    for (damage, parts) in damages {
+        edit(&whole, "points.jsonl", damage);
+        let again = orchestrate(&["sweep", "run", text(&whole)]);
+        refused(
+            &again,
+            &[
+                &["points.jsonl", "give the command that started the campaign again"],
+                parts,
+            ]
+            .concat(),
+        );
+        let point = format!("{}:1", whole.display());
+        refused(&orchestrate(&["run", "--point", &point]), parts);
+        // The remedy in the message.
+        assert_eq!(sweep(&file, &whole, &[]).code, Some(0));
+        assert_eq!(std::fs::read_to_string(whole.join("points.jsonl")).unwrap(), points);
+        assert_eq!(std::fs::read_to_string(whole.join("table.csv")).unwrap(), table);
+    }
+    // A shard cannot know the digest of all points; merging compares it.
+    let shards = [out("one"), out("two")];
+    for (shard, number) in shards.iter().zip(["1/2", "2/2"]) {
+        assert_eq!(sweep(&file, shard, &["--shard", number]).code, Some(0));
+    }
+    edit(&shards[1], "points.jsonl", |lines| drop(lines.remove(0)));
+    let merge = || {
+        orchestrate(&[
+            "sweep",
+            "merge",
+            text(&out("merged")),
+            text(&shards[0]),
+            text(&shards[1]),
+        ])
+    };
+    refused(&merge(), &["two/points.jsonl", "the row of point 2 is missing"]);
+    assert_eq!(sweep(&file, &shards[1], &["--shard", "2/2"]).code, Some(0));
+    edit(&shards[0], "points.jsonl", |lines| {
+        lines.iter_mut().for_each(|line| *line = other(line))
+    });
+    refused(&merge(), &["points.jsonl of the shards", "digest"]);
+    assert!(!out("merged").exists(), "nothing is written");
+}
