@@ -116,16 +116,23 @@ impl PartArgs {
 pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, CampaignError> {
     let mut first = None;
     for point in 0..tries.min(campaign.points.len()) {
-        let spec = campaign.spec_of(point);
-        let scenario = spec.and_then(|spec| Scenario::of(catalogue(), spec, &campaign.scenario));
-        let known = scenario.map_err(CampaignError::from).and_then(|scenario| {
-            let known = check(&scenario)?;
-            Ok(campaign::figures_of(&scenario, &known.plan))
-        });
-        match known {
+        match figures_at(campaign, point) {
             Ok(known) => return Ok(known),
             Err(error) => first = first.or(Some(error)),
         }
     }
     first.map_or_else(|| Ok(Figures::new(Vec::new(), Vec::new())), Err)
+}
+
+/// Checks point `at` (from 0) without starting programs, and returns its figures of merit.
+fn figures_at(campaign: &Campaign, at: usize) -> Result<Figures, CampaignError> {
+    if let Some(reason) = campaign.refused_at(at) {
+        return Err(CampaignError::Impossible {
+            point: at + 1,
+            reason: reason.to_owned(),
+        });
+    }
+    let scenario = Scenario::of(catalogue(), campaign.spec_of(at)?, &campaign.scenario)?;
+    let known = check(&scenario)?;
+    Ok(campaign::figures_of(&scenario, &known.plan))
 }

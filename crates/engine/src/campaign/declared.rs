@@ -216,6 +216,14 @@ impl Declared {
         &self.dispersions
     }
 
+    /// The dispersion that sets the scenario's `key`, a table around it, or a key in it.
+    pub fn sets(&self, key: &str) -> Option<&Dispersion> {
+        let within = |inner: &str, outer: &str| inner == outer || inner.starts_with(&format!("{outer}."));
+        let near = |target: &str| within(key, target) || within(target, key);
+        let mut all = self.dispersions.iter();
+        all.find(|one| one.targets.iter().any(|target| near(&target.key)))
+    }
+
     /// The names of the dispersions whose Sobol' indices can be estimated, in the order of the matrices AB; `None` without
     /// those.
     pub fn factors(&self) -> Option<Vec<&str>> {

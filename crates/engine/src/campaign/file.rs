@@ -8,7 +8,7 @@ use tape::Digest;
 use toml::{Table, Value};
 
 use super::declared::{Declared, dimension_of};
-use super::dispersions::{Context, DESIGNS, Design, Dispersion, Quantity, Sized, at_key, dispersion};
+use super::dispersions::{Context, DESIGNS, Design, Dispersion, Draws, Quantity, Sized, at_key, dispersion};
 use super::folder::any_path::AnyPath;
 use super::plan::Plan;
 use super::rare::Rare;
@@ -322,32 +322,38 @@ impl CampaignFile {
 
     /// A mistake that affects all points that were tried, assigned to the dispersion that causes it.
     pub fn blame(&self, plan: &Plan, error: CampaignError, tried: usize) -> CampaignError {
-        let CampaignError::Scenario(ScenarioError { mistakes, .. }) = &error else {
-            return error;
-        };
         let Plan::Declared(declared) = plan else { return error };
-        let blamed: Option<Vec<Mistake>> = mistakes
-            .iter()
-            .map(|mistake| {
-                let near = |key: &str| mistake.key == key || mistake.key.starts_with(&format!("{key}."));
-                let found = declared.dispersions().iter().find(|one| {
-                    one.targets
-                        .iter()
-                        .any(|target| near(&target.key) || target.key.starts_with(&format!("{}.", mistake.key)))
-                })?;
-                let key = format!("vary.{}", found.name);
-                Some(self.mistake(
-                    &key,
-                    format!(
-                        "all of the first {tried} points are refused, the first with {}: {}",
-                        mistake.key, mistake.reason
-                    ),
-                ))
-            })
-            .collect();
+        let all = format!("all of the first {tried} points are refused, the first with");
+        let blamed: Option<Vec<Mistake>> = match &error {
+            CampaignError::Impossible { reason, .. } => self.undrawn(declared, reason, &all).map(|one| vec![one]),
+            CampaignError::Scenario(ScenarioError { mistakes, .. }) => mistakes
+                .iter()
+                .map(|mistake| {
+                    let key = format!("vary.{}", declared.sets(&mistake.key)?.name);
+                    Some(self.mistake(&key, format!("{all} {}: {}", mistake.key, mistake.reason)))
+                })
+                .collect(),
+            _ => None,
+        };
         match blamed {
             Some(mistakes) if !mistakes.is_empty() => self.error(mistakes),
             _ => error,
         }
+    }
+
+    /// The mistake in the dispersion whose draw is refused for `reason`, which begins with its key.
+    fn undrawn(&self, declared: &Declared, reason: &str, all: &str) -> Option<Mistake> {
+        let (key, reason) = reason.split_once(": ")?;
+        let mut dispersions = declared.dispersions().iter();
+        let found = dispersions.find(|one| format!("vary.{}", one.name) == key)?;
+        Some(match found.draws {
+            Draws::Formula(..) => {
+                let reason = format!(
+                    "{all} a value that the formula does not have ({reason}): correct it, or what it is made of"
+                );
+                self.mistake(&format!("{key}.formula"), reason)
+            }
+            _ => self.mistake(key, format!("{all} {reason}: correct the distribution")),
+        })
     }
 }

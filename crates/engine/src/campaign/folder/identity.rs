@@ -318,7 +318,7 @@ impl Heading {
 
 impl Campaign {
     /// The reason why point `at` (from 0) does not exist, if so. The list is sorted.
-    pub(crate) fn refused_at(&self, at: usize) -> Option<&str> {
+    pub fn refused_at(&self, at: usize) -> Option<&str> {
         let found = self.refused.binary_search_by_key(&at, |(point, _)| *point).ok()?;
         Some(&self.refused[found].1)
     }
