@@ -114,3 +114,76 @@ fn points_that_are_damaged_are_refused_and_written_anew() {
     refused(&merge(), &["points.jsonl of the shards", "digest"]);
     assert!(!out("merged").exists(), "nothing is written");
 }
+
+fn status(folder: &Path, more: &[&str]) -> Said {
+    orchestrate(&[&["sweep", "status", text(folder)], more].concat())
+}
+
+#[test]
+fn status_knows_of_points_that_a_shard_does_not_know_of() {
+    let folder = Folder::new("left-behind");
+    let out = |name: &str| folder.path().join(name);
+    let file = campaign(&folder);
+    let both = out("both");
+    let shard = |number: &str, points: &str| {
+        let place = both.join(number.replace('/', "-of-"));
+        let said = sweep(&file, &place, &["--shard", number, "--points", points]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+    };
+    let told = |code: i32, parts: &[&str]| {
+        let said = status(&both, &[]);
+        assert_eq!(said.code, Some(code), "{said:?}");
+        for part in parts {
+            assert!(said.out.contains(part), "`{part}` is not in: {}", said.out);
+        }
+    };
+    std::fs::create_dir(&both).unwrap();
+    shard("1/2", "4");
+    told(
+        1,
+        &["shard 1/2  2 of 2 points", "2 points are in none of these folders"],
+    );
+    assert_eq!(
+        status(&both.join("1-of-2"), &[]).code,
+        Some(0),
+        "asked about the shard alone"
+    );
+    shard("2/2", "6");
+    told(
+        1,
+        &[
+            "springs: 6 points",
+            "shard 1/2  2 of 3 points",
+            "stopped",
+            "was started for 4 points, and the campaign has 6",
+            "shard 2/2  3 of 3 points",
+        ],
+    );
+    shard("1/2", "6");
+    told(0, &["shard 1/2  3 of 3 points"]);
+}
+
+#[test]
+fn status_counts_no_point_that_runs_again() {
+    let folder = Folder::new("crashed-points");
+    let out = folder.path().join("out");
+    let file = campaign(&folder);
+    assert_eq!(sweep(&file, &out, &[]).code, Some(0));
+    edit(&out, "results.jsonl", |lines| {
+        let mut entry: serde_json::Value = serde_json::from_str(&lines[2]).unwrap();
+        entry["outcome"] = "crashed".into();
+        lines[2] = entry.to_string();
+    });
+    let said = status(&out, &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.out.contains("5 of 6 points, 1 crashed"), "{said:?}");
+    assert!(said.out.contains("goes on with: sweep run"), "{said:?}");
+    let part = status(&out, &["--json"]).json()["parts"][0].clone();
+    assert_eq!(
+        (&part["done"], &part["failed"], &part["crashed"]),
+        (&5.into(), &0.into(), &1.into()),
+        "{part}"
+    );
+    assert_eq!(orchestrate(&["sweep", "run", text(&out), "--quiet"]).code, Some(0));
+    assert!(status(&out, &[]).out.contains("6 of 6 points"));
+}

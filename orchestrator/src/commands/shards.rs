@@ -37,7 +37,7 @@ pub enum SweepAction {
     Merge(MergeArgs),
     /// Say how far a campaign is: its folder, or those of its shards
     ///
-    /// Exit codes: 0 all points have results; 1 points are missing; 2 it is no campaign's folder.
+    /// Exit codes: 0 all points have results; 1 points are missing or crashed; 2 it is no campaign's folder.
     Status(StatusArgs),
 }
 
@@ -194,7 +194,15 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
     let whole = parts
         .iter()
         .any(|part| part.identity.shard.is_none() && part.state == State::Complete);
-    let all = whole || (shards && unseen.is_empty() && parts.iter().all(|part| part.state == State::Complete));
+    // Shards that nobody has started are known where an engine has them, or by their points.
+    let alone = parts.iter().any(|part| part.root == args.folder);
+    let nowhere = if engine.is_some() || alone {
+        0
+    } else {
+        campaign::uncovered(&parts)
+    };
+    let complete = unseen.is_empty() && nowhere == 0 && parts.iter().all(|part| part.state == State::Complete);
+    let all = whole || (shards && complete);
     if args.json {
         let mut list: Vec<serde_json::Value> = parts.iter().map(|part| json(part, waits(part.number()))).collect();
         for shard in &unseen {
@@ -204,7 +212,7 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
         let engine = engine.as_ref().map(|engine| engine.engine.word());
         println!(
             "{}",
-            serde_json::json!({ "complete": all, "engine": engine, "parts": list })
+            serde_json::json!({ "complete": all, "engine": engine, "parts": list, "in_no_folder": nowhere })
         );
         return Ok(i32::from(!all));
     }
@@ -213,12 +221,15 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
             .as_ref()
             .map(|engine| format!(", {} shards on {}", engine.of, engine.engine.word()));
         let on = on.unwrap_or_default();
-        println!("{}: {} points{on}", first.identity.scenario, first.identity.points);
+        println!("{}: {} points{on}", first.identity.scenario, first.points);
     }
     parts.iter().for_each(|part| print(part, waits(part.number())));
     for shard in unseen {
         let state = if waits(Some(shard)) { "waiting" } else { "not started" };
         println!("  shard {shard}/{of}  {state}");
+    }
+    if nowhere > 0 {
+        println!("  {nowhere} points are in none of these folders: start the shards that have them");
     }
     if engine.is_some() && !all {
         println!("  what is missing is given to the engine once more by the command that gave it");
@@ -242,6 +253,7 @@ fn json(part: &Part, waits: bool) -> serde_json::Value {
         "points": part.own,
         "done": part.done(),
         "failed": part.failed(),
+        "crashed": part.crashed(),
         "running": part.running(),
         "outcomes": part.outcomes,
         "audits": [part.audits.0, part.audits.1],
@@ -250,14 +262,19 @@ fn json(part: &Part, waits: bool) -> serde_json::Value {
     })
 }
 
-/// `  shard 3/8  12 of 25 points, 1 failed, 2 running (on n3)  running on n3, process 17  sweeps/…`
+/// `  shard 3/8  12 of 25 points, 1 failed, 1 crashed, 2 running (on n3)  running on n3, process 17  sweeps/…`
 fn print(part: &Part, waits: bool) {
     let name = part
         .identity
         .shard
         .map_or("all".to_owned(), |shard| format!("shard {shard}"));
     let mut counts = format!("{} of {} points", part.done(), part.own);
-    for (count, what) in [(part.failed(), "failed"), (part.running(), "running")] {
+    let kinds = [
+        (part.failed(), "failed"),
+        (part.crashed(), "crashed"),
+        (part.running(), "running"),
+    ];
+    for (count, what) in kinds {
         if count > 0 {
             counts += &format!(", {count} {what}");
         }
@@ -274,7 +291,12 @@ fn print(part: &Part, waits: bool) {
         state => word(state, waits).to_owned(),
     };
     println!("  {name}  {counts}{nodes}  {state}  {}", part.root.display());
-    if part.state == State::Stopped && !waits {
+    if part.is_outgrown() {
+        let (had, has) = (part.identity.points, part.points);
+        println!(
+            "    was started for {had} points, and the campaign has {has}: goes on with the command of the larger campaign"
+        );
+    } else if part.state == State::Stopped && !waits {
         let source = part.identity.source.as_ref().filter(|source| source.rare);
         let command = source.map_or_else(
             || format!("run {}", part.root.display()),

@@ -41,7 +41,7 @@ pub use file::CampaignFile;
 pub use folder::identity::Identity;
 pub use folder::keep::Keep;
 pub use folder::recall::Recalled;
-pub use folder::status::{Part, State, parts};
+pub use folder::status::{Part, State, parts, uncovered};
 pub use folder::table::{figure_of, figure_value, sheet, short};
 pub use grid::{Axis, GridError, grid, range_of_seeds};
 pub use options::Options;

@@ -225,6 +225,17 @@ impl Identity {
         (self.program, self.content, source)
     }
 
+    /// Whether `other` is the same campaign, be it with more or fewer points, or a shard of it.
+    pub(crate) fn is_same_but_for_points(&self, other: &Identity) -> bool {
+        let headings = |one: &Identity| {
+            one.columns
+                .iter()
+                .map(|heading| heading.name.clone())
+                .collect::<Vec<_>>()
+        };
+        self.made_of() == other.made_of() && self.digests == other.digests && headings(self) == headings(other)
+    }
+
     /// In words: `200 points of `close`, digest 0123456789…`
     pub(crate) fn words(&self) -> String {
         let digest = self.digest.to_string();

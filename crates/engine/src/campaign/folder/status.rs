@@ -17,7 +17,9 @@ pub struct Part {
     pub root: PathBuf,
     /// Its identity.
     pub identity: Identity,
-    /// The number of points that it is for.
+    /// The number of points of the campaign. The folder of a shard may be of an earlier state, with fewer points.
+    pub points: usize,
+    /// The number of points of the campaign that belong to it.
     pub own: usize,
     /// The outcomes of the points that were run.
     pub outcomes: BTreeMap<&'static str, usize>,
@@ -41,18 +43,33 @@ pub enum State {
 }
 
 impl Part {
-    /// The number of its points with results.
+    /// The number of its points with results that stay: a point that crashed is run again.
     pub fn done(&self) -> usize {
-        self.outcomes.values().sum()
+        self.outcomes.values().sum::<usize>() - self.crashed()
     }
 
-    /// The number of its points whose runs did not reach their ends.
+    /// The number of its points that were refused or failed: they are not run again.
     pub fn failed(&self) -> usize {
-        let wrong = [Outcome::Refused, Outcome::Failed, Outcome::Crashed];
-        wrong
-            .iter()
-            .filter_map(|outcome| self.outcomes.get(outcome.word()))
-            .sum()
+        self.count(Outcome::Refused) + self.count(Outcome::Failed)
+    }
+
+    /// The number of its points whose last run crashed.
+    pub fn crashed(&self) -> usize {
+        self.count(Outcome::Crashed)
+    }
+
+    fn count(&self, outcome: Outcome) -> usize {
+        self.outcomes.get(outcome.word()).copied().unwrap_or(0)
+    }
+
+    /// Whether every point was run, be it that it crashed: running it again may change nothing.
+    pub fn is_run(&self) -> bool {
+        self.done() + self.crashed() == self.own && self.audits.0 == self.audits.1
+    }
+
+    /// Whether the campaign has grown since the folder was made.
+    pub fn is_outgrown(&self) -> bool {
+        self.identity.points < self.points
     }
 
     /// The number of its points that are being run.
@@ -69,18 +86,18 @@ impl Part {
         self.identity.shard.map(|shard| shard.number)
     }
 
-    fn read(root: &Path) -> Result<Part, CampaignError> {
-        let identity = Identity::read(root)?;
+    /// The folder `root` with the identity `identity`, of a campaign with `points` points by now.
+    fn read(root: &Path, identity: Identity, points: usize) -> Result<Part, CampaignError> {
         let audits = |at: usize| identity.audits(at);
-        let mut outcomes: Vec<Option<&'static str>> = vec![None; identity.points];
-        let mut twice = vec![false; identity.points];
+        let mut outcomes: Vec<Option<&'static str>> = vec![None; points];
+        let mut twice = vec![false; points];
         let mut nodes = Vec::new();
         journal::each(&journal::path(root), |entry| {
-            let Some(at) = entry.point.checked_sub(1).filter(|at| *at < identity.points) else {
+            let Some(at) = entry.point.checked_sub(1).filter(|at| *at < points) else {
                 return;
             };
             if entry.audit {
-                twice[at] = audits(at);
+                twice[at] |= audits(at) && entry.result.outcome != Outcome::Crashed;
             } else if identity.owns(at) {
                 outcomes[at] = Some(entry.result.outcome.word());
             }
@@ -88,8 +105,9 @@ impl Part {
                 nodes.push(entry.node);
             }
         })?;
-        let all = 0..identity.points;
+        let all = 0..points;
         let mut part = Part {
+            points,
             own: all.clone().filter(|at| identity.owns(*at)).count(),
             outcomes: BTreeMap::new(),
             nodes,
@@ -106,7 +124,7 @@ impl Part {
         }
         if let Some(holder) = holder(root) {
             part.state = State::Running(holder);
-        } else if part.done() == part.own && part.audits.0 == part.audits.1 {
+        } else if part.is_run() && part.crashed() == 0 {
             part.state = State::Complete;
         }
         Ok(part)
@@ -119,7 +137,7 @@ impl Part {
 /// # Errors
 /// When there is no such folder, or one cannot be read.
 pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
-    let mut parts = Vec::new();
+    let mut shards = Vec::new();
     for folder in [root.to_owned(), root.join("shards")] {
         let mut below: Vec<PathBuf> = fs::read_dir(&folder)
             .into_iter()
@@ -130,16 +148,45 @@ pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
             .collect();
         below.sort();
         for path in below {
-            let part = Part::read(&path)?;
-            if part.identity.shard.is_some() {
-                parts.push(part);
+            let identity = Identity::read(&path)?;
+            if identity.shard.is_some() {
+                shards.push((path, identity));
             }
         }
     }
-    parts.sort_by_key(|part| part.identity.shard.map(|shard| (shard.of, shard.number)));
+    shards.sort_by_key(|(_, identity)| identity.shard.map(|shard| (shard.of, shard.number)));
     // The whole campaign has its own results after merging, or where it has no shards.
-    if parts.is_empty() || fs::metadata(journal::path(root)).is_ok_and(|about| about.len() > 0) {
-        parts.insert(0, Part::read(root)?);
+    let merged = fs::metadata(journal::path(root)).is_ok_and(|about| about.len() > 0);
+    let whole = if shards.is_empty() || merged || root.join("campaign.json").is_file() {
+        Some(Identity::read(root)?)
+    } else {
+        None
+    };
+    // A shard that was not started again since the campaign grew lacks points that its own folder does not know of.
+    let known = || whole.iter().chain(shards.iter().map(|(_, identity)| identity));
+    let grown = |one: &Identity| {
+        let same = known().filter(|other| other.is_same_but_for_points(one));
+        same.map(|other| other.points).max().unwrap_or(one.points)
+    };
+    let listed = shards.iter().map(|(path, identity)| (path.as_path(), identity));
+    let own = whole.iter().filter(|_| shards.is_empty() || merged);
+    own.map(|identity| (root, identity))
+        .chain(listed)
+        .map(|(path, identity)| Part::read(path, identity.clone(), grown(identity)))
+        .collect()
+}
+
+/// The number of points of the campaign that belong to none of the shards `parts`.
+pub fn uncovered(parts: &[Part]) -> usize {
+    let points = parts.iter().map(|part| part.points).max().unwrap_or(0);
+    let mut there = vec![false; points];
+    for part in parts {
+        let (first, step) = part.identity.shard.map_or((0, 1), |shard| (shard.number - 1, shard.of));
+        there
+            .iter_mut()
+            .skip(first)
+            .step_by(step)
+            .for_each(|there| *there = true);
     }
-    Ok(parts)
+    there.iter().filter(|there| !**there).count()
 }
