@@ -187,3 +187,35 @@ fn status_counts_no_point_that_runs_again() {
     assert_eq!(orchestrate(&["sweep", "run", text(&out), "--quiet"]).code, Some(0));
     assert!(status(&out, &[]).out.contains("6 of 6 points"));
 }
+
+#[test]
+fn folder_knows_when_enough_is_known() {
+    let folder = Folder::new("stored-rule");
+    let out = folder.path().join("out");
+    let file = campaign(&folder);
+    let points = || std::fs::read_to_string(out.join("table.csv")).unwrap().lines().count() - 1;
+    let rule = ["--points", "40", "--workers", "1", "--until", "met within 12 %"];
+    assert_eq!(sweep(&file, &out, &rule).code, Some(0));
+    // None of n is met: the interval's half width is z² / 2 (n + z²), which is 12 % from n = 13 on.
+    assert_eq!(points(), 13);
+    let said = status(&out, &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(
+        said.out.contains("the first 13 are enough for `met within 12 %`"),
+        "{said:?}"
+    );
+    edit(&out, "results.jsonl", |lines| lines.truncate(5));
+    let said = status(&out, &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.out.contains("5 of 40 points, until `met within 12 %`"), "{said:?}");
+    // The folder alone says where the campaign ends.
+    let said = orchestrate(&["sweep", "run", text(&out), "--workers", "1", "--quiet"]);
+    assert_eq!((said.code, points()), (Some(0), 13), "{said:?}");
+    // Without the rule it goes on to its last point.
+    assert_eq!(sweep(&file, &out, &rule[..4]).code, Some(0));
+    assert_eq!(points(), 40);
+    assert!(
+        status(&out, &[]).out.contains("40 of 40 points (on "),
+        "the rule is gone"
+    );
+}

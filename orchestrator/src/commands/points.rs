@@ -108,6 +108,9 @@ impl PartArgs {
     }
 }
 
+/// Number of points that are tried before all are assumed to be invalid, where values are drawn.
+pub const TRIES: usize = 20;
+
 /// Checks the first point without starting programs, and returns its figures of merit. If it is rejected, up to `tries`
 /// points are tried until one is accepted.
 ///

@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
-use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, State};
+use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, State, Until};
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
-use super::points::{CampaignArgs, PartArgs};
+use super::points::{CampaignArgs, PartArgs, TRIES, known_figures};
 use super::sweep::{self, SweepArgs};
 use crate::catalogue::catalogue;
 
@@ -140,7 +140,11 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
     }
     let scenario = Scenario::changed(catalogue(), &campaign.scenario, &campaign.overrides)?;
     let options = args.part.options(args.campaign.options())?;
+    // The rule is for the whole campaign: a shard does not know when all shards together have enough points.
+    let until = identity.until.as_ref().filter(|_| args.part.shard.is_none());
+    let watch = |until: &Until| until.watch(&known_figures(&campaign, TRIES)?.ordered());
     let options = Options {
+        until: until.map(watch).transpose()?,
         shard: options.shard.or(identity.shard),
         audit: args.part.audit.unwrap_or(identity.audit),
         out: options
@@ -257,6 +261,8 @@ fn json(part: &Part, waits: bool) -> serde_json::Value {
         "running": part.running(),
         "outcomes": part.outcomes,
         "audits": [part.audits.0, part.audits.1],
+        "until": part.identity.until,
+        "enough": part.enough,
         "nodes": part.nodes,
         "state": word(&part.state, waits),
     })
@@ -281,6 +287,12 @@ fn print(part: &Part, waits: bool) {
     }
     if part.audits.1 > 0 {
         counts += &format!(", {} of {} audited", part.audits.0, part.audits.1);
+    }
+    if let Some(until) = &part.identity.until {
+        counts += &match part.enough {
+            Some(enough) => format!(", the first {enough} are enough for `{until}`"),
+            None => format!(", until `{until}`"),
+        };
     }
     let nodes = match part.nodes.as_slice() {
         [] => String::new(),

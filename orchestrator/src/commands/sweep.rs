@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::cluster::ClusterArgs;
 use super::conclusion::{conclude, conclude_rare};
-use super::points::{CampaignArgs, DigestArgs, PartArgs, known_figures};
+use super::points::{CampaignArgs, DigestArgs, PartArgs, TRIES, known_figures};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
 use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
@@ -140,9 +140,6 @@ fn alone(args: &SweepArgs) -> Result<(), CampaignError> {
         None => Ok(()),
     }
 }
-
-/// Number of points that are tried before all are assumed to be invalid.
-const TRIES: usize = 20;
 
 /// The campaign that the file declares, unless the command line gives the variations.
 fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {

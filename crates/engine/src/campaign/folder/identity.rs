@@ -10,6 +10,7 @@ use tape::Digest;
 use super::any_path::AnyPath;
 use crate::campaign::shards::shard::Shard;
 use crate::campaign::source::Source;
+use crate::campaign::until::Until;
 use crate::campaign::{Campaign, CampaignError, Column, Kind};
 use crate::scenario::{Changes, Scenario, ScenarioSpec};
 
@@ -52,6 +53,9 @@ pub struct Identity {
     /// The share of the points that is run twice.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub audit: f64,
+    /// The stopping rule, where the campaign has one: it may end before its last point.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until: Option<Until>,
 }
 
 fn is_zero(share: &f64) -> bool {
@@ -151,6 +155,7 @@ impl Identity {
             shard: None,
             digests: campaign.digests,
             audit: 0.0,
+            until: None,
         };
         identity.digest = identity.digest_of(campaign, campaign.points.len());
         Ok(identity)

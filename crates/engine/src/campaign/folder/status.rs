@@ -8,7 +8,9 @@ use super::claim::{Holder, holder};
 use super::identity::Identity;
 use super::journal;
 use crate::campaign::CampaignError;
-use crate::campaign::workers::point::Outcome;
+use crate::campaign::figures::Figures;
+use crate::campaign::until::Until;
+use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// A folder of a campaign and its progress.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +29,8 @@ pub struct Part {
     pub nodes: Vec<String>,
     /// The number of points of another shard that it has run, and the number that it is to run.
     pub audits: (usize, usize),
+    /// The number of points, from the first on, that its stopping rule finds enough.
+    pub enough: Option<usize>,
     /// Its activity.
     pub state: State,
 }
@@ -34,7 +38,7 @@ pub struct Part {
 /// The activity in a folder of a campaign.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum State {
-    /// All of its points have results.
+    /// All of its points have results, or enough of them where it has a stopping rule.
     Complete,
     /// Points are being run.
     Running(Holder),
@@ -89,7 +93,7 @@ impl Part {
     /// The folder `root` with the identity `identity`, of a campaign with `points` points by now.
     fn read(root: &Path, identity: Identity, points: usize) -> Result<Part, CampaignError> {
         let audits = |at: usize| identity.audits(at);
-        let mut outcomes: Vec<Option<&'static str>> = vec![None; points];
+        let mut results: Vec<Option<PointResult>> = vec![None; points];
         let mut twice = vec![false; points];
         let mut nodes = Vec::new();
         journal::each(&journal::path(root), |entry| {
@@ -99,7 +103,7 @@ impl Part {
             if entry.audit {
                 twice[at] |= audits(at) && entry.result.outcome != Outcome::Crashed;
             } else if identity.owns(at) {
-                outcomes[at] = Some(entry.result.outcome.word());
+                results[at] = Some(entry.result);
             }
             if !nodes.contains(&entry.node) {
                 nodes.push(entry.node);
@@ -115,20 +119,33 @@ impl Part {
                 twice.iter().filter(|twice| **twice).count(),
                 all.filter(|at| audits(*at)).count(),
             ),
+            enough: None,
             state: State::Stopped,
             root: root.to_owned(),
             identity,
         };
-        for word in outcomes.into_iter().flatten() {
-            *part.outcomes.entry(word).or_default() += 1;
+        for result in results.iter().flatten() {
+            *part.outcomes.entry(result.outcome.word()).or_default() += 1;
         }
+        part.enough = part.identity.until.as_ref().and_then(|until| enough(until, results));
         if let Some(holder) = holder(root) {
             part.state = State::Running(holder);
-        } else if part.is_run() && part.crashed() == 0 {
+        } else if part.enough.is_some() || (part.is_run() && part.crashed() == 0) {
             part.state = State::Complete;
         }
         Ok(part)
     }
+}
+
+/// The number of points, from the first on, with which the rule `until` ends a campaign that has the results `results`.
+fn enough(until: &Until, mut results: Vec<Option<PointResult>>) -> Option<usize> {
+    for result in &mut results {
+        // A point that crashed is run again.
+        result.take_if(|one| one.outcome == Outcome::Crashed);
+    }
+    let figures = results.iter().flatten().find_map(|result| result.figures.as_ref());
+    let known = figures.map_or(Vec::new(), Figures::ordered);
+    until.watch(&known).ok()?.look(&results)
 }
 
 /// Every folder of a campaign in `root`: `root` itself, or those of shards in it or in its folder `shards`, by their

@@ -71,6 +71,7 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
     let whole_identity = Identity {
         shard: None,
         audit: 0.0,
+        until: None,
         ..identity.clone()
     };
     let (folder, known) = Folder::take(out, &campaign, &whole_identity)?;
