@@ -188,7 +188,25 @@ fn campaign_that_cannot_be_is_refused_with_its_key() {
         "points = 3\n{}[vary.y]\nkey = '{B}.mass'\ndistribution = 'constant'\nvalue = '1 kg'\n",
         one("mass", "distribution = 'constant'\nvalue = '2 kg'")
     );
-    refused(&files, &two, &["vary.y.key", "replaces what `x` gives"]);
+    refused(&files, &two, &["vary.y.key", "replaces what `x` gives", "offset"]);
+    // A list as it stands is replaced by nothing, and cannot be turned.
+    let listed = "distribution = 'constant'\nvalue = [0.0, 1.0, 0.0, 0.0]";
+    let turned = "distribution = 'misalignment'\ndeviation = '1 deg'";
+    let after = |first: &str, second: &str| {
+        let first = one("attitude", first);
+        format!("points = 3\n{first}[vary.y]\nkey = '{B}.attitude'\n{second}\n")
+    };
+    let parts = [
+        "vary.y.key",
+        "changes what `x` gives",
+        "write the value in the scenario and take `x` out",
+    ];
+    refused(&files, &after(listed, turned), &parts);
+    refused(
+        &files,
+        &after(turned, listed),
+        &["vary.y.key", "replaces what `x` gives", "take one out"],
+    );
     let uniform = one("mass", "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'");
     refused(&files, &uniform, &["points: is missing", "points = 200"]);
     for (head, parts) in [

@@ -433,11 +433,22 @@ fn no_overlaps(dispersions: &[Dispersion]) -> Result<(), Wrong> {
                 let Some(theirs) = other.targets.iter().find(|theirs| theirs.key == target.key) else {
                     continue;
                 };
+                let (name, target_key) = (&other.name, &target.key);
                 let whole = one.replaces() && (target.element.is_none() || target.element == theirs.element);
-                if whole || other.draws.numbers().is_none() || one.draws.numbers().is_none() {
+                if one.draws.numbers().is_none() {
+                    return wrong(
+                        key,
+                        format!("replaces what `{name}` gives `{target_key}`: take one out"),
+                    );
+                }
+                if whole {
+                    let remedy = "add to it with as = \"offset\", or take one out";
+                    return wrong(key, format!("replaces what `{name}` gives `{target_key}`: {remedy}"));
+                }
+                if other.draws.numbers().is_none() {
                     let reason = format!(
-                        "replaces what `{}` gives `{}`: add to it with as = \"offset\", or take one out",
-                        other.name, target.key
+                        "changes what `{name}` gives `{target_key}`, which is a value as it stands and no number that can be changed: \
+                         write the value in the scenario and take `{name}` out, or take this one out"
                     );
                     return wrong(key, reason);
                 }
