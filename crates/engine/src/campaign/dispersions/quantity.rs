@@ -79,6 +79,10 @@ impl Quantity {
         self.decimals[at] = Some(step.decimals);
         // The written number is exact: seven steps of 0.1 are 0.7.
         self.numbers[at] = self.digits(at).parse().unwrap_or(self.numbers[at]);
+        // A small number below zero becomes zero, without its sign.
+        if self.numbers[at] == 0.0 {
+            self.numbers[at] = 0.0;
+        }
     }
 }
 
