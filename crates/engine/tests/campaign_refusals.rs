@@ -224,7 +224,27 @@ fn campaign_that_cannot_be_is_refused_with_its_key() {
     ] {
         refused(&files, &format!("{head}\n{uniform}"), parts);
     }
-    refused(&files, "points = 3", &["vary", "[vary.delay]"]);
+    refused(&files, "points = 3", &["vary", "is missing", "[vary.delay]"]);
+    refused(
+        &files,
+        "points = 3\nvary = 3",
+        &["campaign.toml:3: vary: 3 is no table", "[vary.delay]"],
+    );
+    let list = "points = 3\n[[vary]]\nkey = 'seed'";
+    refused(
+        &files,
+        list,
+        &["campaign.toml:3: vary: is a list and no table", "[vary.delay]"],
+    );
+    // Keys of a distribution that nobody has named are no mistakes.
+    for (kind, part) in [
+        ("", "`distribution` is missing"),
+        ("distribution = 3\n", "3 is no text"),
+    ] {
+        let keys = format!("{kind}from = '1 kg'\nto = '2 kg'");
+        let error = files.plan(&format!("points = 3\n{}", one("mass", &keys))).unwrap_err();
+        assert!(error.contains(part) && error.lines().count() == 1, "{error}");
+    }
     let listed = one("mass", "distribution = 'discrete'\nvalues = ['1 kg', '2 kg']");
     refused(
         &files,

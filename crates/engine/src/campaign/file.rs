@@ -288,9 +288,15 @@ impl CampaignFile {
 
     /// The dispersions in the order of the file.
     fn dispersions(&self, scenario: &Scenario, mistakes: &mut Vec<Mistake>) -> Vec<Dispersion> {
+        let remedy = "write what varies, such as [vary.delay] with key and distribution";
+        let reason = match self.table.get("vary") {
+            Some(Value::Table(_)) => None,
+            None => Some(format!("is missing: {remedy}")),
+            Some(Value::Array(_)) => Some(format!("is a list and no table: {remedy}")),
+            Some(other) => Some(format!("{other} is no table: {remedy}")),
+        };
+        mistakes.extend(reason.map(|reason| self.mistake("vary", reason)));
         let Some(Value::Table(vary)) = self.table.get("vary") else {
-            let reason = "is missing: write what varies, such as [vary.delay] with key and distribution";
-            mistakes.push(self.mistake("vary", reason));
             return Vec::new();
         };
         let lines = Lines::of(&self.text);

@@ -90,9 +90,10 @@ pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Di
     if keys.unit.is_none() && (mode == Mode::Offset || within) {
         keys.unit.clone_from(&own_unit);
     }
-    let kind = match keys.need("distribution", "\"normal\"") {
-        Some(Value::String(kind)) => kind.as_str(),
-        _ => return Err(keys.finish()),
+    let given = keys.need("distribution", "\"normal\"");
+    let Some(kind) = given.and_then(|_| keys.text("distribution")) else {
+        // Without it no other key is known to be wrong.
+        return Err(keys.wrong);
     };
     let draws = match kind {
         "uniform" | "normal" | "truncated-normal" | "log-normal" | "triangular" => scalar(&mut keys, kind),
