@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use escapement_tests::program::{Folder, Said, orchestrate, orchestrator, root, text};
+use escapement_tests::world;
 
 /// Two masses on springs.
 fn springs(folder: &Folder) -> std::path::PathBuf {
@@ -203,4 +204,32 @@ fn output_that_cannot_be_written_is_an_error() {
         on_a_full_disk(&["run", file, "--quiet", "--force", "--out", run]).code,
         Some(0)
     );
+}
+
+#[test]
+fn an_entry_of_a_list_is_the_same_by_its_number_and_by_its_name() {
+    let folder = Folder::new("by-number");
+    world::springs(&folder);
+    let scenario = folder.path().join("springs.toml");
+    let out = folder.path().join("out");
+    for entry in ["push", "1"] {
+        let set = format!("faults.{entry}.value=3 kg");
+        let said = orchestrate(&["check", text(&scenario), "--set", &set]);
+        refused(
+            &said,
+            &["springs.toml: faults.push.value: ", "`3 kg`", "(given with --set)"],
+            &[],
+        );
+        let drawn = format!(
+            "scenario = \"springs.toml\"\npoints = 3\n\n[vary.push]\nkey = \"faults.{entry}.value\"\n\
+             distribution = \"uniform\"\nfrom = \"1 kg\"\nto = \"2 kg\"\n"
+        );
+        let campaign = folder.write("campaign.toml", &drawn);
+        let said = orchestrate(&["sweep", text(&campaign), "--out", text(&out)]);
+        refused(
+            &said,
+            &["campaign.toml:4: vary.push: ", "faults.push.value", "kg"],
+            &["springs.toml:"],
+        );
+    }
 }

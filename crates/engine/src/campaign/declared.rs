@@ -7,11 +7,12 @@ use std::collections::BTreeMap;
 use lockstep::units::{Dimension, unit_factor};
 use sampling::design::{Coordinate, DIMENSIONS};
 use sampling::subset::Candidate;
+use toml::Table;
 
 use super::POINTS_MAX;
 use super::cell::{Head, Point};
 use super::column::{LEVEL, MATRIX, PARENT, ROW, SEED};
-use super::dispersions::{Design, Dispersion, Draws, Quantity, Sized};
+use super::dispersions::{Design, Dispersion, Draws, Quantity, Sized, by_names, near};
 use made::Made;
 
 /// Dispersions with their designs.
@@ -216,12 +217,14 @@ impl Declared {
         &self.dispersions
     }
 
-    /// The dispersion that sets the scenario's `key`, a table around it, or a key in it.
-    pub fn sets(&self, key: &str) -> Option<&Dispersion> {
-        let within = |inner: &str, outer: &str| inner == outer || inner.starts_with(&format!("{outer}."));
-        let near = |target: &str| within(key, target) || within(target, key);
+    /// The dispersion that sets the `key` of `scenario`, a table around it, or a key in it.
+    pub fn sets(&self, scenario: &Table, key: &str) -> Option<&Dispersion> {
         let mut all = self.dispersions.iter();
-        all.find(|one| one.targets.iter().any(|target| near(&target.key)))
+        all.find(|one| {
+            one.targets
+                .iter()
+                .any(|target| near(&by_names(scenario, &target.key), key))
+        })
     }
 
     /// The names of the dispersions whose Sobol' indices can be estimated, in the order of the matrices AB; `None` without
