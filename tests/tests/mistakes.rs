@@ -233,3 +233,36 @@ fn an_entry_of_a_list_is_the_same_by_its_number_and_by_its_name() {
         );
     }
 }
+
+#[test]
+fn a_mistake_of_a_case_is_one_of_the_list() {
+    let folder = Folder::new("case-mistake");
+    let scenario = springs(&folder);
+    let out = folder.path().join("out");
+    let fault =
+        "[{ at = \"0.1 s\", input = \"right.neighbour\", field = \"position\", kind = \"bias\", value = \"1 kg\" }]";
+    for (part, change, names) in [
+        (
+            "set",
+            "set = { \"connections.to-right.dellay\" = \"20 ms\" }",
+            "connections.to-right.dellay",
+        ),
+        ("set", "set = { \"duraton\" = 1 }", "duraton"),
+        ("faults", &format!("faults = {fault}"), "`1 kg`"),
+    ] {
+        let list = folder.write(
+            "cases.toml",
+            &format!("title = \"t\"\n\n[[case]]\nname = \"a\"\n{change}\n"),
+        );
+        let said = orchestrate(&["faults", text(&scenario), "--cases", text(&list), "--out", text(&out)]);
+        let place = format!("cases.toml:5: case `a`: {part}: ");
+        refused(&said, &[&place, names], &["m.toml"]);
+    }
+    // A case without changes is not the cause.
+    let wrong = std::fs::read_to_string(&scenario).unwrap().replace("1 kg", "1 m");
+    let wrong = folder.write("m.toml", &wrong);
+    let list = folder.write("cases.toml", "[[case]]\nname = \"a\"\n");
+    let said = orchestrate(&["faults", text(&wrong), "--cases", text(&list), "--out", text(&out)]);
+    refused(&said, &["m.toml:", "`1 m`"], &["cases.toml"]);
+    assert!(!out.exists(), "nothing is written");
+}

@@ -29,7 +29,7 @@ mod until;
 mod workers;
 
 pub use analysis::{analysis, of_cases};
-pub use cases::{Cases, CasesError, appended, builtin, from_file as cases_from_file};
+pub use cases::{Cases, CasesError, appended, builtin, from_file as cases_from_file, in_first_case};
 pub use cell::{Cell, Head, Point};
 pub use column::{Column, POINTS_MAX};
 pub use declared::Declared;
