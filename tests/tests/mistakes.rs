@@ -266,3 +266,26 @@ fn a_mistake_of_a_case_is_one_of_the_list() {
     refused(&said, &["m.toml:", "`1 m`"], &["cases.toml"]);
     assert!(!out.exists(), "nothing is written");
 }
+
+#[test]
+fn an_audit_without_another_shard_is_refused() {
+    let folder = Folder::new("audit-alone");
+    let scenario = springs(&folder);
+    let out = folder.path().join("out");
+    let sweep =
+        |more: &[&str]| orchestrate(&[&["sweep", text(&scenario), "--seeds", "2", "--out", text(&out)], more].concat());
+    let parts = ["--audit: ", "no other shard", "two shards or more"];
+    refused(&sweep(&["--audit", "50%", "--shard", "1/1"]), &parts, &[]);
+    refused(
+        &sweep(&["--audit", "50%", "--on", "shell", "--shards", "1"]),
+        &parts,
+        &[],
+    );
+    assert!(!out.exists(), "nothing is written");
+    assert_eq!(sweep(&["--quiet"]).code, Some(0));
+    refused(
+        &orchestrate(&["sweep", "run", text(&out), "--audit", "50%"]),
+        &parts,
+        &[],
+    );
+}

@@ -100,12 +100,22 @@ impl PartArgs {
                 "--keep worst: a shard does not know which points are the worst; give it to `sweep merge`".into(),
             ));
         }
+        if self.audit.is_some() && self.shard.is_some_and(|shard| shard.of == 1) {
+            return Err(no_second_shard("--shard 1/1"));
+        }
         Ok(Options {
             shard: self.shard,
             audit: self.audit.unwrap_or(0.0),
             ..options
         })
     }
+}
+
+/// An audit where all points are in the one place that `option` names.
+pub fn no_second_shard(option: &str) -> CampaignError {
+    CampaignError::Merge(format!(
+        "--audit: with {option} no other shard runs a point a second time: make two shards or more, or leave --audit out"
+    ))
 }
 
 /// Number of points that are tried before all are assumed to be invalid, where values are drawn.

@@ -8,7 +8,7 @@ use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, Sta
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
-use super::points::{CampaignArgs, PartArgs, TRIES, known_figures};
+use super::points::{CampaignArgs, PartArgs, TRIES, known_figures, no_second_shard};
 use super::sweep::{self, SweepArgs};
 use crate::catalogue::catalogue;
 
@@ -152,6 +152,9 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
             .or_else(|| args.part.shard.is_none().then(|| args.folder.clone())),
         ..options
     };
+    if args.part.audit.is_some() && options.shard.is_none_or(|shard| shard.of == 1) {
+        return Err(no_second_shard("all points in one folder"));
+    }
     let finished = campaign::run_as(&identity, &campaign, &scenario, &options)?;
     conclude(&campaign, &finished, &figures(&finished), None, &args.campaign)
 }
