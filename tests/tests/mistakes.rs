@@ -289,3 +289,35 @@ fn an_audit_without_another_shard_is_refused() {
         &[],
     );
 }
+
+#[test]
+fn a_design_that_needs_all_of_its_points_has_no_early_end() {
+    let folder = Folder::new("early-end");
+    let scenario = springs(&folder);
+    let out = folder.path().join("out");
+    let until = ["--until", "met within 20 %", "--quiet", "--out", text(&out)];
+    let drawn = |head: &str, more: &str| {
+        let campaign = format!(
+            "scenario = \"m.toml\"\npoints = 8\n{head}\n[vary.k]\nkey = \"participants.left.parameters.stiffness\"\n\
+             distribution = \"uniform\"\nfrom = \"30 N/m\"\nto = \"50 N/m\"\n{more}\n"
+        );
+        let campaign = folder.write("campaign.toml", &campaign);
+        orchestrate(&[&["sweep", text(&campaign)], &until[..]].concat())
+    };
+    for design in ["latin-hypercube", "saltelli"] {
+        let said = drawn(&format!("design = \"{design}\""), "");
+        refused(&said, &["--until: ", "campaign.toml", design, "leave --until out"], &[]);
+    }
+    // One dispersion with such a design is enough.
+    let said = drawn("", "levels = 3\ndesign = \"grid\"");
+    refused(&said, &["--until: ", "grid", "random or sobol"], &[]);
+    let grid = ["--vary", "connections.to-right.delay=0ms,10ms", "--seeds", "4"];
+    let said = orchestrate(&[&["sweep", text(&scenario)], &grid[..], &until[..]].concat());
+    refused(
+        &said,
+        &["--until: ", "connections.to-right.delay", "the seed alone"],
+        &[],
+    );
+    assert!(!out.exists(), "nothing is written");
+    assert_eq!(drawn("design = \"sobol\"", "").code, Some(0));
+}

@@ -77,6 +77,9 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         Some(file) => drawn_alone(file.plan(&scenario)?, &overrides)?,
         None => listed(args, &scenario, &overrides)?,
     };
+    if args.until.is_some() {
+        may_end_early(args, &plan)?;
+    }
     let campaign = match &file {
         Some(file) => file.campaign(overrides, &plan),
         None => Campaign::of_plan(Kind::Sweep, path.to_owned(), overrides, &plan),
@@ -122,6 +125,27 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     }
     let finished = campaign::run(&campaign, &scenario, &options)?;
     conclude(&campaign, &finished, &figures, figure.as_ref(), &args.campaign)
+}
+
+/// Checks that the first points of a plan are a sample of their own, whatever their number.
+fn may_end_early(args: &SweepArgs, plan: &Plan) -> Result<(), CampaignError> {
+    let path = args.scenario.scenario.display();
+    let reason = match plan {
+        Plan::Declared(declared) => declared.needs_all().map(|design| {
+            format!(
+                "{path} has the design {}, which needs all of its points: leave --until out, or let the design random or sobol make the points",
+                design.word()
+            )
+        }),
+        // The first points of a grid have the first values alone; seeds are all alike.
+        Plan::Listed { columns, .. } => columns.iter().find(|column| column.name != "seed").map(|column| {
+            format!(
+                "the grid over {} needs all of its points: leave --until out, or vary the seed alone",
+                column.name
+            )
+        }),
+    };
+    reason.map_or(Ok(()), |reason| Err(CampaignError::Until(reason)))
 }
 
 /// A rare-event campaign runs on one machine: points of a level depend on those of the level before it.

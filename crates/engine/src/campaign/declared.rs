@@ -202,6 +202,17 @@ impl Declared {
         self.grows
     }
 
+    /// The design of which the first points are no sample of their own, if there is one: it needs all of its points.
+    pub fn needs_all(&self) -> Option<Design> {
+        let on_grid = self.ways.iter().any(|way| matches!(way, Way::Grid { .. }));
+        let designs = [
+            (Design::Saltelli, self.matrices),
+            (Design::LatinHypercube, !self.grows),
+            (Design::Grid, on_grid && self.outer > 1),
+        ];
+        designs.into_iter().find(|(_, there)| *there).map(|(design, _)| design)
+    }
+
     /// The seed of the draws.
     pub fn seed(&self) -> u64 {
         self.seed

@@ -38,6 +38,9 @@ pub enum CampaignError {
         /// Why.
         reason: String,
     },
+    /// The points cannot end early.
+    #[error("--until: {0}")]
+    Until(String),
     /// The search for a rare event is not possible.
     #[error("{0}")]
     Rare(String),
