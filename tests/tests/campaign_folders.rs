@@ -219,3 +219,41 @@ fn folder_knows_when_enough_is_known() {
         "the rule is gone"
     );
 }
+
+#[test]
+fn incomplete_run_folders_of_a_killed_campaign_do_not_stay() {
+    let folder = Folder::new("half-kept");
+    let out = folder.path().join("out");
+    let file = campaign(&folder);
+    assert_eq!(sweep(&file, &out, &["--keep"]).code, Some(0));
+    let table = std::fs::read_to_string(out.join("table.csv")).unwrap();
+    let run = |number: usize| out.join(format!("runs/{number:05}"));
+    let whole = |number: usize| run(number).join("summary.json").is_file();
+    assert!((1..=6).all(whole));
+    // As after a kill: one point has no result yet, the folder of another was being made again, and a worker had begun a third.
+    let kill = || {
+        edit(&out, "results.jsonl", |lines| {
+            lines.retain(|line| !line.contains("\"point\":2,"))
+        });
+        for number in [2, 4] {
+            std::fs::create_dir_all(run(number).join("tape")).unwrap();
+            let _ = std::fs::remove_file(run(number).join("summary.json"));
+        }
+        std::fs::create_dir_all(out.join(".worker-7/tape")).unwrap();
+    };
+    let journal = || {
+        let text = std::fs::read_to_string(out.join("results.jsonl")).unwrap();
+        assert_eq!(text.lines().count(), 6, "nothing is counted twice: {text}");
+    };
+    kill();
+    assert_eq!(sweep(&file, &out, &[]).code, Some(0));
+    let there: Vec<usize> = (1..=6).filter(|number| run(*number).exists()).collect();
+    assert_eq!(there, [1, 3, 5, 6], "without --keep none is made again");
+    assert!(there.into_iter().all(whole) && !out.join(".worker-7").exists());
+    journal();
+    kill();
+    assert_eq!(sweep(&file, &out, &["--keep"]).code, Some(0));
+    assert!((1..=6).all(whole) && !out.join(".worker-7").exists());
+    journal();
+    assert_eq!(std::fs::read_to_string(out.join("table.csv")).unwrap(), table);
+}

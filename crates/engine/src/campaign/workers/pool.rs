@@ -66,7 +66,7 @@ impl Finished {
     /// # Errors
     /// As [`run`], and when a point has another result than before.
     pub fn keep(&mut self, campaign: &Campaign, scenario: &Scenario, options: &Options) -> Result<(), CampaignError> {
-        let there = |at: &usize| self.folder.run(at + 1).join("summary.json").is_file();
+        let there = |at: &usize| self.folder.has_run(at + 1);
         let wanted = kept(&options.keep, &self.results, options.figure.as_ref()).into_iter();
         let open = wanted
             .filter(|at| !there(at))
