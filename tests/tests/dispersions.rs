@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use escapement_tests::program::{Folder, finish, orchestrate, root, start, text};
-use escapement_tests::world::springs;
+use escapement_tests::world::{oscillator, springs};
 
 const CAMPAIGN: &str = r#"
 title = "Two masses that nobody has weighed"
@@ -317,4 +317,51 @@ fn what_the_campaign_file_would_ignore_is_refused_by_name() {
     );
     let column = folder.write("column.toml", &column);
     refused(&[text(&column)], &["column.toml", "masses.csv", "`n/a`"]);
+}
+
+#[test]
+fn campaign_without_a_possible_point_is_refused_before_it_runs() {
+    let folder = Folder::new("no-possible-point");
+    springs(&folder);
+    let formula = "scenario = \"springs.toml\"\npoints = 3\n\n[vary.part]\ndistribution = \"discrete\"\nvalues = [0, 0]\n\n\
+                   [vary.ratio]\ndistribution = \"formula\"\nformula = \"1 / part\"\n";
+    let file = folder.write("campaign.toml", formula);
+    let out = folder.path().join("out");
+    let said = orchestrate(&["sweep", text(&file), "--out", text(&out)]);
+    assert_eq!((said.code, said.out.as_str()), (Some(2), ""), "{said:?}");
+    assert_eq!(said.err.lines().count(), 1, "{said:?}");
+    for part in [
+        "campaign.toml:10: vary.ratio.formula: ",
+        "all of the first 3 points are refused",
+        "inf is drawn, which is not finite",
+        "correct it",
+    ] {
+        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+    }
+    assert!(!out.exists(), "nothing is written");
+    // One possible point is enough.
+    let file = folder.write(
+        "campaign.toml",
+        &formula
+            .replace("[0, 0]", "[0, 1]\nweights = [1, 1]")
+            .replace("= 3", "= 20"),
+    );
+    let said = orchestrate(&["sweep", text(&file), "--out", text(&out)]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.out.contains("refused at 0.0, inf"), "{said:?}");
+}
+
+#[test]
+fn no_share_is_told_of_points_that_did_not_run() {
+    let folder = Folder::new("no-share");
+    let file = oscillator(&folder, "panics");
+    let out = folder.path().join("out");
+    let said = orchestrate(&["sweep", text(&file), "--seeds", "2", "--out", text(&out)]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.out.contains("2 points: 2 failed"), "{said:?}");
+    assert!(
+        said.out.contains("no point ran to its end, so no share is known"),
+        "{said:?}"
+    );
+    assert!(!said.out.contains("confidence"), "{said:?}");
 }

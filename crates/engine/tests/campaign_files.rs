@@ -48,6 +48,11 @@ fn values_are_absolute_or_made_of_the_scenarios_own() {
             "part=0.7",
         ),
         (
+            "part",
+            "distribution = 'discrete'\nvalues = [-0.04]\nround = 0.1",
+            "part=0.0",
+        ),
+        (
             "count",
             "distribution = 'discrete'\nvalues = [2]\nas = 'offset'\nround = 1",
             "count=5",

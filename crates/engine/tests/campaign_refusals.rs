@@ -188,7 +188,25 @@ fn campaign_that_cannot_be_is_refused_with_its_key() {
         "points = 3\n{}[vary.y]\nkey = '{B}.mass'\ndistribution = 'constant'\nvalue = '1 kg'\n",
         one("mass", "distribution = 'constant'\nvalue = '2 kg'")
     );
-    refused(&files, &two, &["vary.y.key", "replaces what `x` gives"]);
+    refused(&files, &two, &["vary.y.key", "replaces what `x` gives", "offset"]);
+    // A list as it stands is replaced by nothing, and cannot be turned.
+    let listed = "distribution = 'constant'\nvalue = [0.0, 1.0, 0.0, 0.0]";
+    let turned = "distribution = 'misalignment'\ndeviation = '1 deg'";
+    let after = |first: &str, second: &str| {
+        let first = one("attitude", first);
+        format!("points = 3\n{first}[vary.y]\nkey = '{B}.attitude'\n{second}\n")
+    };
+    let parts = [
+        "vary.y.key",
+        "changes what `x` gives",
+        "write the value in the scenario and take `x` out",
+    ];
+    refused(&files, &after(listed, turned), &parts);
+    refused(
+        &files,
+        &after(turned, listed),
+        &["vary.y.key", "replaces what `x` gives", "take one out"],
+    );
     let uniform = one("mass", "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'");
     refused(&files, &uniform, &["points: is missing", "points = 200"]);
     for (head, parts) in [
@@ -206,11 +224,55 @@ fn campaign_that_cannot_be_is_refused_with_its_key() {
     ] {
         refused(&files, &format!("{head}\n{uniform}"), parts);
     }
-    refused(&files, "points = 3", &["vary", "[vary.delay]"]);
+    refused(&files, "points = 3", &["vary", "is missing", "[vary.delay]"]);
+    refused(
+        &files,
+        "points = 3\nvary = 3",
+        &["campaign.toml:3: vary: 3 is no table", "[vary.delay]"],
+    );
+    let list = "points = 3\n[[vary]]\nkey = 'seed'";
+    refused(
+        &files,
+        list,
+        &["campaign.toml:3: vary: is a list and no table", "[vary.delay]"],
+    );
+    // Keys of a distribution that nobody has named are no mistakes.
+    for (kind, part) in [
+        ("", "`distribution` is missing"),
+        ("distribution = 3\n", "3 is no text"),
+    ] {
+        let keys = format!("{kind}from = '1 kg'\nto = '2 kg'");
+        let error = files.plan(&format!("points = 3\n{}", one("mass", &keys))).unwrap_err();
+        assert!(error.contains(part) && error.lines().count() == 1, "{error}");
+    }
     let listed = one("mass", "distribution = 'discrete'\nvalues = ['1 kg', '2 kg']");
     refused(
         &files,
         &format!("seeds = 'same'\npoints = 3\ndesign = 'grid'\n{listed}"),
         &["points", "take it out"],
     );
+}
+
+#[test]
+fn columns_that_a_design_makes_are_no_names_of_dispersions() {
+    let files = Files::new("taken");
+    for design in ["saltelli", "subset"] {
+        let drawn = |name: &str| {
+            let uniform = one("mass", "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'");
+            format!(
+                "points = 20\ndesign = '{design}'\n{}",
+                uniform.replace("vary.x", &format!("vary.{name}"))
+            )
+        };
+        let made = files.plan(&drawn("x")).unwrap().heads();
+        let made: Vec<&str> = made
+            .iter()
+            .map(|head| head.name.as_str())
+            .filter(|name| *name != "x")
+            .collect();
+        assert_eq!(made.len(), 3, "two of the design and the seed: {made:?}");
+        for name in made {
+            refused(&files, &drawn(name), &[&format!("the name `{name}` is not possible")]);
+        }
+    }
 }

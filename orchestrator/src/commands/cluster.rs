@@ -7,7 +7,7 @@ use engine::campaign::{self, Campaign, CampaignError, Cluster, Engine, Number, O
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
-use super::points::CampaignArgs;
+use super::points::{CampaignArgs, no_second_shard};
 use crate::catalogue::catalogue;
 
 /// On which machines.
@@ -64,6 +64,9 @@ impl ClusterArgs {
             }
             return Ok(None);
         };
+        if options.audit > 0.0 && self.shards == Some(1) {
+            return Err(no_second_shard("--shards 1"));
+        }
         if engine == Engine::Shell && !self.engine_args.is_empty() {
             return unused("--engine-args: the engine shell prints command lines and has no options");
         }

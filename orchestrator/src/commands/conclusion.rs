@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use engine::assessment::Criterion;
-use engine::campaign::{self, Campaign, CampaignError, Finished, Number, Picture, Rarely, Shard};
+use engine::campaign::{self, Campaign, CampaignError, Finished, Number, Outcome, Picture, PointResult, Rarely, Shard};
 
 use super::points::CampaignArgs;
 
@@ -161,12 +161,12 @@ pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serd
         "folder": finished.folder.root().display().to_string(),
         "files": files,
         "points": finished.results.len(),
-        "met": count(campaign::Outcome::Met),
-        "not_met": count(campaign::Outcome::NotMet),
-        "complete": count(campaign::Outcome::Complete),
-        "refused": count(campaign::Outcome::Refused),
-        "failed": count(campaign::Outcome::Failed),
-        "crashed": count(campaign::Outcome::Crashed),
+        "met": count(Outcome::Met),
+        "not_met": count(Outcome::NotMet),
+        "complete": count(Outcome::Complete),
+        "refused": count(Outcome::Refused),
+        "failed": count(Outcome::Failed),
+        "crashed": count(Outcome::Crashed),
         "interrupted": finished.interrupted,
         "rows": rows.collect::<Vec<_>>(),
     })
@@ -179,7 +179,7 @@ fn print_wrong(campaign: &Campaign, finished: &Finished) {
     let wrong = |result: &Option<_>| {
         result
             .as_ref()
-            .is_some_and(|result: &campaign::PointResult| !result.outcome.ran())
+            .is_some_and(|result: &PointResult| !result.outcome.ran())
     };
     let wrong: Vec<usize> = (0..finished.results.len())
         .filter(|at| wrong(&finished.results[*at]))
@@ -213,25 +213,7 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
     }
     println!("{}", campaign::verdicts(&finished.results));
     if campaign.columns.iter().any(|column| column.name == "seed") {
-        let ran = finished
-            .results
-            .iter()
-            .flatten()
-            .filter(|result| result.outcome.ran())
-            .count();
-        let good = finished
-            .results
-            .iter()
-            .flatten()
-            .filter(|result| result.outcome.good())
-            .count();
-        let (low, high) = campaign::wilson(good, ran);
-        println!(
-            "  {} {good} of {ran}: a share of {:.1} % to {:.1} % with 95 % confidence",
-            campaign::good_word(&finished.results),
-            100.0 * low,
-            100.0 * high
-        );
+        println!("  {}", share(&finished.results));
     }
     if let Some(figure) = figure {
         let values = finished
@@ -260,6 +242,22 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
     }
     print_wrong(campaign, finished);
     told(finished, files);
+}
+
+/// The share of the points that are met, in words; it has no interval where none ran.
+fn share(results: &[Option<PointResult>]) -> String {
+    let count = |wanted: fn(Outcome) -> bool| results.iter().flatten().filter(|one| wanted(one.outcome)).count();
+    let (ran, good) = (count(Outcome::ran), count(Outcome::good));
+    if ran == 0 {
+        return "no point ran to its end, so no share is known".to_owned();
+    }
+    let (low, high) = campaign::wilson(good, ran);
+    format!(
+        "{} {good} of {ran}: a share of {:.1} % to {:.1} % with 95 % confidence",
+        campaign::good_word(results),
+        100.0 * low,
+        100.0 * high
+    )
 }
 
 /// Reports the result of a shard.

@@ -77,7 +77,10 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         source: None,
         digests: args.digest.wanted(&args.campaign),
     };
-    known_figures(&campaign, 1)?;
+    known_figures(&campaign, 1).map_err(|error| match (&args.cases, error) {
+        (Some(list), CampaignError::Scenario(error)) => campaign::in_first_case(list, error).into(),
+        (_, error) => error,
+    })?;
     let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;
     let mut files = write(&campaign, &finished, None)?;
     let title = if cases.title.is_empty() {

@@ -102,6 +102,9 @@ impl PartArgs {
                 "--keep worst: a shard does not know which points are the worst; give it to `sweep merge`".into(),
             ));
         }
+        if self.audit.is_some() && self.shard.is_some_and(|shard| shard.of == 1) {
+            return Err(no_second_shard("--shard 1/1"));
+        }
         Ok(Options {
             shard: self.shard,
             audit: self.audit.unwrap_or(0.0),
@@ -109,6 +112,16 @@ impl PartArgs {
         })
     }
 }
+
+/// An audit where all points are in the one place that `option` names.
+pub fn no_second_shard(option: &str) -> CampaignError {
+    CampaignError::Merge(format!(
+        "--audit: with {option} no other shard runs a point a second time: make two shards or more, or leave --audit out"
+    ))
+}
+
+/// Number of points that are tried before all are assumed to be invalid, where values are drawn.
+pub const TRIES: usize = 20;
 
 /// Checks the first point without starting programs, and returns its figures of merit. If it is rejected, up to `tries`
 /// points are tried until one is accepted.
@@ -118,16 +131,23 @@ impl PartArgs {
 pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, CampaignError> {
     let mut first = None;
     for point in 0..tries.min(campaign.points.len()) {
-        let spec = campaign.spec_of(point);
-        let scenario = spec.and_then(|spec| Scenario::of(catalogue(), spec, &campaign.scenario));
-        let known = scenario.map_err(CampaignError::from).and_then(|scenario| {
-            let known = check(&scenario)?;
-            Ok(campaign::figures_of(&scenario, &known.plan))
-        });
-        match known {
+        match figures_at(campaign, point) {
             Ok(known) => return Ok(known),
             Err(error) => first = first.or(Some(error)),
         }
     }
     first.map_or_else(|| Ok(Figures::new(Vec::new(), Vec::new())), Err)
+}
+
+/// Checks point `at` (from 0) without starting programs, and returns its figures of merit.
+fn figures_at(campaign: &Campaign, at: usize) -> Result<Figures, CampaignError> {
+    if let Some(reason) = campaign.refused_at(at) {
+        return Err(CampaignError::Impossible {
+            point: at + 1,
+            reason: reason.to_owned(),
+        });
+    }
+    let scenario = Scenario::of(catalogue(), campaign.spec_of(at)?, &campaign.scenario)?;
+    let known = check(&scenario)?;
+    Ok(campaign::figures_of(&scenario, &known.plan))
 }

@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
-use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, State};
+use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, State, Until};
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
-use super::points::{CampaignArgs, PartArgs};
+use super::points::{CampaignArgs, PartArgs, TRIES, known_figures, no_second_shard};
 use super::sweep::{self, SweepArgs};
 use crate::catalogue::catalogue;
 
@@ -37,7 +37,7 @@ pub enum SweepAction {
     Merge(MergeArgs),
     /// Report the progress of a campaign, from its folder or from those of its shards
     ///
-    /// Exit codes: 0 all points have results; 1 points are missing; 2 it is not the folder of a campaign.
+    /// Exit codes: 0 all points have results; 1 points are missing or crashed; 2 it is not the folder of a campaign.
     Status(StatusArgs),
 }
 
@@ -140,7 +140,11 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
     }
     let scenario = Scenario::changed(catalogue(), &campaign.scenario, &campaign.overrides)?;
     let options = args.part.options(args.campaign.options())?;
+    // The rule is for the whole campaign: a shard does not know when all shards together have enough points.
+    let until = identity.until.as_ref().filter(|_| args.part.shard.is_none());
+    let watch = |until: &Until| until.watch(&known_figures(&campaign, TRIES)?.ordered());
     let options = Options {
+        until: until.map(watch).transpose()?,
         shard: options.shard.or(identity.shard),
         audit: args.part.audit.unwrap_or(identity.audit),
         out: options
@@ -148,6 +152,9 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
             .or_else(|| args.part.shard.is_none().then(|| args.folder.clone())),
         ..options
     };
+    if args.part.audit.is_some() && options.shard.is_none_or(|shard| shard.of == 1) {
+        return Err(no_second_shard("all points in one folder"));
+    }
     let finished = campaign::run_as(&identity, &campaign, &scenario, &options)?;
     conclude(&campaign, &finished, &figures(&finished), None, &args.campaign)
 }
@@ -194,7 +201,15 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
     let whole = parts
         .iter()
         .any(|part| part.identity.shard.is_none() && part.state == State::Complete);
-    let all = whole || (shards && unseen.is_empty() && parts.iter().all(|part| part.state == State::Complete));
+    // Shards that nobody has started are known where an engine has them, or by their points.
+    let alone = parts.iter().any(|part| part.root == args.folder);
+    let nowhere = if engine.is_some() || alone {
+        0
+    } else {
+        campaign::uncovered(&parts)
+    };
+    let complete = unseen.is_empty() && nowhere == 0 && parts.iter().all(|part| part.state == State::Complete);
+    let all = whole || (shards && complete);
     if args.json {
         let mut list: Vec<serde_json::Value> = parts.iter().map(|part| json(part, waits(part.number()))).collect();
         for shard in &unseen {
@@ -204,7 +219,7 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
         let engine = engine.as_ref().map(|engine| engine.engine.word());
         println!(
             "{}",
-            serde_json::json!({ "complete": all, "engine": engine, "parts": list })
+            serde_json::json!({ "complete": all, "engine": engine, "parts": list, "in_no_folder": nowhere })
         );
         return Ok(i32::from(!all));
     }
@@ -213,12 +228,15 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
             .as_ref()
             .map(|engine| format!(", {} shards on {}", engine.of, engine.engine.word()));
         let on = on.unwrap_or_default();
-        println!("{}: {} points{on}", first.identity.scenario, first.identity.points);
+        println!("{}: {} points{on}", first.identity.scenario, first.points);
     }
     parts.iter().for_each(|part| print(part, waits(part.number())));
     for shard in unseen {
         let state = if waits(Some(shard)) { "waiting" } else { "not started" };
         println!("  shard {shard}/{of}  {state}");
+    }
+    if nowhere > 0 {
+        println!("  {nowhere} points are in none of these folders: start the shards that have them");
     }
     if engine.is_some() && !all {
         println!("  what is missing is given to the engine once more by the command that gave it");
@@ -242,28 +260,42 @@ fn json(part: &Part, waits: bool) -> serde_json::Value {
         "points": part.own,
         "done": part.done(),
         "failed": part.failed(),
+        "crashed": part.crashed(),
         "running": part.running(),
         "outcomes": part.outcomes,
         "audits": [part.audits.0, part.audits.1],
+        "until": part.identity.until,
+        "enough": part.enough,
         "nodes": part.nodes,
         "state": word(&part.state, waits),
     })
 }
 
-/// `  shard 3/8  12 of 25 points, 1 failed, 2 running (on n3)  running on n3, process 17  sweeps/…`
+/// `  shard 3/8  12 of 25 points, 1 failed, 1 crashed, 2 running (on n3)  running on n3, process 17  sweeps/…`
 fn print(part: &Part, waits: bool) {
     let name = part
         .identity
         .shard
         .map_or("all".to_owned(), |shard| format!("shard {shard}"));
     let mut counts = format!("{} of {} points", part.done(), part.own);
-    for (count, what) in [(part.failed(), "failed"), (part.running(), "running")] {
+    let kinds = [
+        (part.failed(), "failed"),
+        (part.crashed(), "crashed"),
+        (part.running(), "running"),
+    ];
+    for (count, what) in kinds {
         if count > 0 {
             counts += &format!(", {count} {what}");
         }
     }
     if part.audits.1 > 0 {
         counts += &format!(", {} of {} audited", part.audits.0, part.audits.1);
+    }
+    if let Some(until) = &part.identity.until {
+        counts += &match part.enough {
+            Some(enough) => format!(", the first {enough} are enough for `{until}`"),
+            None => format!(", until `{until}`"),
+        };
     }
     let nodes = match part.nodes.as_slice() {
         [] => String::new(),
@@ -274,7 +306,12 @@ fn print(part: &Part, waits: bool) {
         state => word(state, waits).to_owned(),
     };
     println!("  {name}  {counts}{nodes}  {state}  {}", part.root.display());
-    if part.state == State::Stopped && !waits {
+    if part.is_outgrown() {
+        let (had, has) = (part.identity.points, part.points);
+        println!(
+            "    was started for {had} points, and the campaign has {has}: goes on with the command of the larger campaign"
+        );
+    } else if part.state == State::Stopped && !waits {
         let source = part.identity.source.as_ref().filter(|source| source.rare);
         let command = source.map_or_else(
             || format!("run {}", part.root.display()),

@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::cluster::ClusterArgs;
 use super::conclusion::{conclude, conclude_rare};
-use super::points::{CampaignArgs, DigestArgs, PartArgs, known_figures};
+use super::points::{CampaignArgs, DigestArgs, PartArgs, TRIES, known_figures};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
 use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
@@ -66,6 +66,9 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         Some(file) => drawn_alone(file.plan(&scenario)?, &overrides)?,
         None => listed(args, &scenario, &overrides)?,
     };
+    if args.until.is_some() {
+        may_end_early(args, &plan)?;
+    }
     let campaign = match &file {
         Some(file) => file.campaign(overrides, &plan),
         None => Campaign::of_plan(Kind::Sweep, path.to_owned(), overrides, &plan),
@@ -77,7 +80,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     // Where values are drawn, the first point may be an impossible one; the values of a grid were all given by the user.
     let tries = if file.is_some() { TRIES } else { 1 };
     let known = known_figures(&campaign, tries).map_err(|error| match &file {
-        Some(file) => file.blame(&plan, error, tries.min(campaign.points.len())),
+        Some(file) => file.blame(&plan, &scenario, error, tries.min(campaign.points.len())),
         None => error,
     })?;
     let figures = known.ordered();
@@ -113,6 +116,27 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     conclude(&campaign, &finished, &figures, figure.as_ref(), &args.campaign)
 }
 
+/// Checks that the first points of a plan are a sample of their own, whatever their number.
+fn may_end_early(args: &SweepArgs, plan: &Plan) -> Result<(), CampaignError> {
+    let path = args.scenario.scenario.display();
+    let reason = match plan {
+        Plan::Declared(declared) => declared.needs_all().map(|design| {
+            format!(
+                "{path} has the design {}, which needs all of its points: leave --until out, or let the design random or sobol make the points",
+                design.word()
+            )
+        }),
+        // The first points of a grid have the first values alone; seeds are all alike.
+        Plan::Listed { columns, .. } => columns.iter().find(|column| column.name != "seed").map(|column| {
+            format!(
+                "the grid over {} needs all of its points: leave --until out, or vary the seed alone",
+                column.name
+            )
+        }),
+    };
+    reason.map_or(Ok(()), |reason| Err(CampaignError::Until(reason)))
+}
+
 /// A rare-event campaign runs on one machine: points of a level depend on those of the level before it.
 fn alone(args: &SweepArgs) -> Result<(), CampaignError> {
     let given = [
@@ -129,9 +153,6 @@ fn alone(args: &SweepArgs) -> Result<(), CampaignError> {
         None => Ok(()),
     }
 }
-
-/// Number of points that are tried before all are assumed to be invalid.
-const TRIES: usize = 20;
 
 /// The campaign that the file declares, unless the command line gives the variations.
 fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {

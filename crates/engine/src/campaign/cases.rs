@@ -7,8 +7,8 @@ use serde::Deserialize;
 use toml::{Table, Value};
 
 use super::Column;
-use super::dispersions::plain;
-use crate::scenario::{Program, Scenario};
+use super::dispersions::{near, plain};
+use crate::scenario::{Lines, Mistake, Program, Scenario, ScenarioError};
 
 /// A mistake in a list of cases.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -115,6 +115,47 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
         columns,
         points,
     })
+}
+
+/// `error`, which is of the scenario with the changes of the first case of the list `path`, at the place in the list that
+/// causes it; unchanged where the case is not the cause.
+pub fn in_first_case(path: &Path, error: ScenarioError) -> ScenarioError {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let list = toml::from_str::<List>(&text).ok();
+    let Some(first) = list.as_ref().and_then(|list| list.case.first()) else {
+        return error;
+    };
+    let lines = Lines::of(&text);
+    let mistakes = error.mistakes.iter().map(|mistake| {
+        let part = first.part_with(&mistake.key)?;
+        Some(Mistake {
+            line: lines.line(&format!("case.1.{part}")),
+            key: format!("case `{}`: {part}", first.name),
+            reason: format!("{}: {}", mistake.key, mistake.reason),
+        })
+    });
+    match mistakes.collect::<Option<Vec<Mistake>>>() {
+        Some(mistakes) => ScenarioError {
+            file: path.to_owned(),
+            mistakes,
+        },
+        None => error,
+    }
+}
+
+impl Case {
+    /// The part of the case that changes the scenario's `key`, a table around it, or a key in it.
+    fn part_with(&self, key: &str) -> Option<&'static str> {
+        let has = |table: &Table| table.keys().any(|own| near(own, key));
+        let of_plant = key.starts_with("participants.") && key.contains(".parameters.faults");
+        let parts = [
+            ("set", has(&self.set)),
+            ("append", has(&self.append)),
+            ("actuators", !self.actuators.is_empty() && of_plant),
+            ("faults", !self.faults.is_empty() && near("faults", key)),
+        ];
+        parts.into_iter().find(|(_, has)| *has).map(|(part, _)| part)
+    }
 }
 
 /// The name of each case, and for every key that a case sets or adds to, its value; empty where a case does not use the

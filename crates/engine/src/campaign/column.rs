@@ -3,6 +3,25 @@
 /// The maximum number of points of a campaign, and of rows of its table.
 pub const POINTS_MAX: usize = 100_000;
 
+/// The columns of every table; that of the digests where requested.
+pub(super) const OF_TABLE: [&str; 4] = ["point", "outcome", "reason", "tape"];
+
+/// The seed of each point.
+pub(super) const SEED: &str = "seed";
+
+/// The matrix and the row that a point of the design `saltelli` belongs to.
+pub(super) const MATRIX: &str = "matrix";
+/// See [`MATRIX`].
+pub(super) const ROW: &str = "row";
+
+/// The level of a point of the design `subset`, and the point from which it is a step.
+pub(super) const LEVEL: &str = "level";
+/// See [`LEVEL`].
+pub(super) const PARENT: &str = "parent";
+
+/// The columns that number the points instead of being quantities that vary: the seed, and those that a design makes.
+pub(super) const NUMBERING: [&str; 5] = [SEED, MATRIX, ROW, LEVEL, PARENT];
+
 /// A column that distinguishes points.
 #[derive(Debug, Clone)]
 pub struct Column {

@@ -7,10 +7,12 @@ use std::collections::BTreeMap;
 use lockstep::units::{Dimension, unit_factor};
 use sampling::design::{Coordinate, DIMENSIONS};
 use sampling::subset::Candidate;
+use toml::Table;
 
 use super::POINTS_MAX;
 use super::cell::{Head, Point};
-use super::dispersions::{Design, Dispersion, Draws, Quantity, Sized};
+use super::column::{LEVEL, MATRIX, PARENT, ROW, SEED};
+use super::dispersions::{Design, Dispersion, Draws, Quantity, Sized, by_names, near};
 use made::Made;
 
 /// Dispersions with their designs.
@@ -200,6 +202,17 @@ impl Declared {
         self.grows
     }
 
+    /// The design of which the first points are no sample of their own, if there is one: it needs all of its points.
+    pub fn needs_all(&self) -> Option<Design> {
+        let on_grid = self.ways.iter().any(|way| matches!(way, Way::Grid { .. }));
+        let designs = [
+            (Design::Saltelli, self.matrices),
+            (Design::LatinHypercube, !self.grows),
+            (Design::Grid, on_grid && self.outer > 1),
+        ];
+        designs.into_iter().find(|(_, there)| *there).map(|(design, _)| design)
+    }
+
     /// The seed of the draws.
     pub fn seed(&self) -> u64 {
         self.seed
@@ -213,6 +226,16 @@ impl Declared {
     /// The dispersions in the order of the file.
     pub fn dispersions(&self) -> &[Dispersion] {
         &self.dispersions
+    }
+
+    /// The dispersion that sets the `key` of `scenario`, a table around it, or a key in it.
+    pub fn sets(&self, scenario: &Table, key: &str) -> Option<&Dispersion> {
+        let mut all = self.dispersions.iter();
+        all.find(|one| {
+            one.targets
+                .iter()
+                .any(|target| near(&by_names(scenario, &target.key), key))
+        })
     }
 
     /// The names of the dispersions whose Sobol' indices can be estimated, in the order of the matrices AB; `None` without
@@ -266,13 +289,13 @@ impl Declared {
                 1 => "B".to_owned(),
                 _ => format!("AB {}", self.factors().unwrap_or_default()[outer - 2]),
             };
-            made.text("matrix", matrix);
-            made.whole("row", inner as u64 + 1);
+            made.text(MATRIX, matrix);
+            made.whole(ROW, inner as u64 + 1);
         }
         if self.levels {
-            made.whole("level", candidate.map_or(0, |one| one.level as u64) + 1);
+            made.whole(LEVEL, candidate.map_or(0, |one| one.level as u64) + 1);
             let parent = candidate.and_then(|one| one.parent);
-            made.whole("parent", parent.map_or(0, |parent| parent as u64 + 1));
+            made.whole(PARENT, parent.map_or(0, |parent| parent as u64 + 1));
         }
         let mut given = candidate.map_or(&[][..], |one| &one.u);
         for (one, way) in self.dispersions.iter().zip(&self.ways) {
@@ -306,7 +329,7 @@ impl Declared {
         if let Some(first) = self.first_seed {
             let seed = first.saturating_add(inner as u64);
             made.settings.insert("seed".to_owned(), seed.to_string());
-            made.whole("seed", seed);
+            made.whole(SEED, seed);
         }
         made.finish()
     }
@@ -424,11 +447,22 @@ fn no_overlaps(dispersions: &[Dispersion]) -> Result<(), Wrong> {
                 let Some(theirs) = other.targets.iter().find(|theirs| theirs.key == target.key) else {
                     continue;
                 };
+                let (name, target_key) = (&other.name, &target.key);
                 let whole = one.replaces() && (target.element.is_none() || target.element == theirs.element);
-                if whole || other.draws.numbers().is_none() || one.draws.numbers().is_none() {
+                if one.draws.numbers().is_none() {
+                    return wrong(
+                        key,
+                        format!("replaces what `{name}` gives `{target_key}`: take one out"),
+                    );
+                }
+                if whole {
+                    let remedy = "add to it with as = \"offset\", or take one out";
+                    return wrong(key, format!("replaces what `{name}` gives `{target_key}`: {remedy}"));
+                }
+                if other.draws.numbers().is_none() {
                     let reason = format!(
-                        "replaces what `{}` gives `{}`: add to it with as = \"offset\", or take one out",
-                        other.name, target.key
+                        "changes what `{name}` gives `{target_key}`, which is a value as it stands and no number that can be changed: \
+                         write the value in the scenario and take `{name}` out, or take this one out"
                     );
                     return wrong(key, reason);
                 }

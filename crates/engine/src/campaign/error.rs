@@ -30,6 +30,17 @@ pub enum CampaignError {
         /// Why it is rejected.
         reason: String,
     },
+    /// A point cannot be drawn.
+    #[error("point {point} cannot be run: {reason}")]
+    Impossible {
+        /// From 1.
+        point: usize,
+        /// Why.
+        reason: String,
+    },
+    /// The points cannot end early.
+    #[error("--until: {0}")]
+    Until(String),
     /// The search for a rare event is not possible.
     #[error("{0}")]
     Rare(String),

@@ -8,7 +8,7 @@ use tape::Digest;
 use toml::{Table, Value};
 
 use super::declared::{Declared, dimension_of};
-use super::dispersions::{Context, DESIGNS, Design, Dispersion, Quantity, Sized, at_key, dispersion};
+use super::dispersions::{Context, DESIGNS, Design, Dispersion, Draws, Quantity, Sized, at_key, dispersion};
 use super::folder::any_path::AnyPath;
 use super::plan::Plan;
 use super::rare::Rare;
@@ -288,9 +288,15 @@ impl CampaignFile {
 
     /// The dispersions in the order of the file.
     fn dispersions(&self, scenario: &Scenario, mistakes: &mut Vec<Mistake>) -> Vec<Dispersion> {
+        let remedy = "write what varies, such as [vary.delay] with key and distribution";
+        let reason = match self.table.get("vary") {
+            Some(Value::Table(_)) => None,
+            None => Some(format!("is missing: {remedy}")),
+            Some(Value::Array(_)) => Some(format!("is a list and no table: {remedy}")),
+            Some(other) => Some(format!("{other} is no table: {remedy}")),
+        };
+        mistakes.extend(reason.map(|reason| self.mistake("vary", reason)));
         let Some(Value::Table(vary)) = self.table.get("vary") else {
-            let reason = "is missing: write what varies, such as [vary.delay] with key and distribution";
-            mistakes.push(self.mistake("vary", reason));
             return Vec::new();
         };
         let lines = Lines::of(&self.text);
@@ -321,33 +327,40 @@ impl CampaignFile {
     }
 
     /// A mistake that affects all points that were tried, assigned to the dispersion that causes it.
-    pub fn blame(&self, plan: &Plan, error: CampaignError, tried: usize) -> CampaignError {
-        let CampaignError::Scenario(ScenarioError { mistakes, .. }) = &error else {
-            return error;
-        };
+    /// `scenario` is the one that all points change.
+    pub fn blame(&self, plan: &Plan, scenario: &Scenario, error: CampaignError, tried: usize) -> CampaignError {
         let Plan::Declared(declared) = plan else { return error };
-        let blamed: Option<Vec<Mistake>> = mistakes
-            .iter()
-            .map(|mistake| {
-                let near = |key: &str| mistake.key == key || mistake.key.starts_with(&format!("{key}."));
-                let found = declared.dispersions().iter().find(|one| {
-                    one.targets
-                        .iter()
-                        .any(|target| near(&target.key) || target.key.starts_with(&format!("{}.", mistake.key)))
-                })?;
-                let key = format!("vary.{}", found.name);
-                Some(self.mistake(
-                    &key,
-                    format!(
-                        "all of the first {tried} points are refused, the first with {}: {}",
-                        mistake.key, mistake.reason
-                    ),
-                ))
-            })
-            .collect();
+        let all = format!("all of the first {tried} points are refused, the first with");
+        let blamed: Option<Vec<Mistake>> = match &error {
+            CampaignError::Impossible { reason, .. } => self.undrawn(declared, reason, &all).map(|one| vec![one]),
+            CampaignError::Scenario(ScenarioError { mistakes, .. }) => mistakes
+                .iter()
+                .map(|mistake| {
+                    let key = format!("vary.{}", declared.sets(scenario.resolved(), &mistake.key)?.name);
+                    Some(self.mistake(&key, format!("{all} {}: {}", mistake.key, mistake.reason)))
+                })
+                .collect(),
+            _ => None,
+        };
         match blamed {
             Some(mistakes) if !mistakes.is_empty() => self.error(mistakes),
             _ => error,
         }
+    }
+
+    /// The mistake in the dispersion whose draw is refused for `reason`, which begins with its key.
+    fn undrawn(&self, declared: &Declared, reason: &str, all: &str) -> Option<Mistake> {
+        let (key, reason) = reason.split_once(": ")?;
+        let mut dispersions = declared.dispersions().iter();
+        let found = dispersions.find(|one| format!("vary.{}", one.name) == key)?;
+        Some(match found.draws {
+            Draws::Formula(..) => {
+                let reason = format!(
+                    "{all} a value that the formula does not have ({reason}): correct it, or what it is made of"
+                );
+                self.mistake(&format!("{key}.formula"), reason)
+            }
+            _ => self.mistake(key, format!("{all} {reason}: correct the distribution")),
+        })
     }
 }

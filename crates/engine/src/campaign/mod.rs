@@ -29,7 +29,7 @@ mod until;
 mod workers;
 
 pub use analysis::{analysis, of_cases};
-pub use cases::{Cases, CasesError, appended, builtin, from_file as cases_from_file};
+pub use cases::{Cases, CasesError, appended, builtin, from_file as cases_from_file, in_first_case};
 pub use cell::{Cell, Head, Point};
 pub use column::{Column, POINTS_MAX};
 pub use declared::Declared;
@@ -41,7 +41,7 @@ pub use file::CampaignFile;
 pub use folder::identity::Identity;
 pub use folder::keep::Keep;
 pub use folder::recall::Recalled;
-pub use folder::status::{Part, State, parts};
+pub use folder::status::{Part, State, parts, uncovered};
 pub use folder::table::{figure_of, figure_value, sheet, short};
 pub use grid::{Axis, GridError, grid, range_of_seeds};
 pub use options::Options;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::Number;
 use super::folder::keep::Keep;
 use super::shards::shard::Shard;
-use super::until::Watch;
+use super::until::{Until, Watch};
 use crate::observer::{Interrupt, Progress};
 
 /// The options of the command line for a campaign, besides its points.
@@ -34,4 +34,11 @@ pub struct Options {
     pub progress: Progress,
     /// Requests an orderly end.
     pub interrupt: Interrupt,
+}
+
+impl Options {
+    /// The stopping rule.
+    pub(super) fn rule(&self) -> Option<Until> {
+        self.until.as_ref().map(|watch| watch.until().clone())
+    }
 }

@@ -1,8 +1,10 @@
 //! Stopping rule of a campaign: it ends as soon as a figure is known accurately enough.
 
+use std::fmt;
 use std::str::FromStr;
 
 use sampling::statistics::{NORMAL_95, wilson};
+use serde::{Deserialize, Serialize};
 
 use super::folder::table::figure_of;
 use super::workers::point::Result as PointResult;
@@ -12,12 +14,34 @@ use super::{CampaignError, Number};
 const MEAN_LEAST: usize = 30;
 
 /// A figure and the half width of its 95 % confidence interval at which a campaign ends.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct Until {
     /// The share of points that are met, or the mean of the figure of merit with this name.
     what: Option<String>,
-    /// Absolute for the share, relative for a mean.
-    width: f64,
+    /// Percent: absolute for the share, relative for a mean.
+    percent: f64,
+}
+
+impl fmt::Display for Until {
+    /// As it is read.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} within {} %", self.what.as_deref().unwrap_or("met"), self.percent)
+    }
+}
+
+impl From<Until> for String {
+    fn from(until: Until) -> String {
+        until.to_string()
+    }
+}
+
+impl TryFrom<String> for Until {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Until, String> {
+        text.parse()
+    }
 }
 
 impl FromStr for Until {
@@ -32,13 +56,13 @@ impl FromStr for Until {
         };
         let (what, width) = text.rsplit_once(" within ").ok_or_else(wrong)?;
         let (what, width) = (what.trim(), width.trim().strip_suffix('%').ok_or_else(wrong)?);
-        let width: f64 = width.trim().parse().map_err(|_| wrong())?;
-        if what.is_empty() || !(width > 0.0 && width < 100.0) {
+        let percent: f64 = width.trim().parse().map_err(|_| wrong())?;
+        if what.is_empty() || !(percent > 0.0 && percent < 100.0) {
             return Err(wrong());
         }
         Ok(Until {
             what: (what != "met").then(|| what.to_owned()),
-            width: width / 100.0,
+            percent,
         })
     }
 }
@@ -54,8 +78,9 @@ impl Until {
             None => None,
         };
         Ok(Watch {
+            until: self.clone(),
             figure: figure.map(|figure| figure.key),
-            width: self.width,
+            width: self.percent / 100.0,
             seen: 0,
             enough: false,
             ran: 0,
@@ -70,6 +95,7 @@ impl Until {
 /// else.
 #[derive(Debug, Clone)]
 pub struct Watch {
+    until: Until,
     figure: Option<String>,
     width: f64,
     /// The number of points evaluated, counted from the first.
@@ -84,6 +110,11 @@ pub struct Watch {
 }
 
 impl Watch {
+    /// The rule.
+    pub fn until(&self) -> &Until {
+        &self.until
+    }
+
     /// Evaluates the points that have arrived; returns the number of points, from the first on, with which the campaign
     /// ends, if it does.
     pub(super) fn look(&mut self, results: &[Option<PointResult>]) -> Option<usize> {
@@ -181,6 +212,16 @@ mod tests {
         }
         some[..100].clone_from_slice(&all[..100]);
         assert_eq!(watch.look(&some), Some(381));
+    }
+
+    #[test]
+    fn rule_is_written_as_it_is_read() {
+        for text in ["met within 7 %", "miss distance within 0.1 %"] {
+            let until: Until = text.parse().unwrap();
+            assert_eq!(until.to_string(), text);
+            let json = serde_json::to_string(&until).unwrap();
+            assert_eq!(serde_json::from_str::<Until>(&json).unwrap(), until);
+        }
     }
 
     #[test]

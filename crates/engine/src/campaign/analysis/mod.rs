@@ -9,6 +9,7 @@ pub use cases::of_cases;
 use report::campaign::floats;
 use serde_json::{Value, json};
 
+use super::column::NUMBERING;
 use super::figures::Nearness;
 use super::good_word;
 use super::verdicts;
@@ -64,10 +65,10 @@ impl Rarely {
     }
 }
 
-/// Whether figures may depend on a column: it is not the number of a run and not constant.
+/// Whether figures may depend on a column: it does not number the points, and is not constant.
 fn counts(column: &Column) -> bool {
     let differs = column.texts.iter().any(|text| *text != column.texts[0]);
-    differs && !["seed", "row", "matrix", "level", "parent"].contains(&column.name.as_str())
+    differs && !NUMBERING.contains(&column.name.as_str())
 }
 
 /// A column as the page draws it: numbers, or indices of its texts.

@@ -13,5 +13,5 @@ mod vectors;
 pub use dispersion::{DESIGNS, Design, Dispersion, Mode, Target};
 pub use draws::{Drawn, Draws, Frame, plain};
 pub use formula::{Formula, Sized};
-pub use quantity::{Quantity, at_key};
+pub use quantity::{Quantity, at_key, by_names, near};
 pub use read::{Context, dispersion};

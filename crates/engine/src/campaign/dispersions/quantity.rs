@@ -79,6 +79,10 @@ impl Quantity {
         self.decimals[at] = Some(step.decimals);
         // The written number is exact: seven steps of 0.1 are 0.7.
         self.numbers[at] = self.digits(at).parse().unwrap_or(self.numbers[at]);
+        // A small number below zero becomes zero, without its sign.
+        if self.numbers[at] == 0.0 {
+            self.numbers[at] = 0.0;
+        }
     }
 }
 
@@ -120,20 +124,50 @@ pub fn number(value: &Value) -> Option<f64> {
     }
 }
 
+/// Whether one of two dotted keys is the other, or a table around it.
+pub fn near(one: &str, other: &str) -> bool {
+    let within = |inner: &str, outer: &str| {
+        let rest = inner.strip_prefix(outer);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    };
+    within(one, other) || within(other, one)
+}
+
+/// The dotted `key`, in which entries of lists of tables are called by their names, as in the scenario's own messages.
+pub fn by_names(table: &Table, key: &str) -> String {
+    let parts: Vec<&str> = key.split('.').collect();
+    let named = parts.iter().enumerate().map(|(depth, part)| {
+        let above = if depth == 0 {
+            None
+        } else {
+            at_key(table, &parts[..depth].join("."))
+        };
+        let own = above
+            .and_then(Value::as_array)
+            .and_then(|items| named_entry(items, part));
+        own.map_or_else(|| (*part).to_owned(), |(name, _)| name)
+    });
+    named.collect::<Vec<_>>().join(".")
+}
+
+/// The entry of a list of tables with that name or number, from 1, and its name.
+fn named_entry<'a>(items: &'a [Value], part: &str) -> Option<(String, &'a Value)> {
+    let mut named = items.iter().enumerate().map(|(position, item)| {
+        let own = item.get("name").and_then(Value::as_str);
+        (position, fault_name(own, position), item)
+    });
+    let found =
+        named.find(|(position, name, item)| item.is_table() && (name == part || (position + 1).to_string() == part));
+    found.map(|(_, name, item)| (name, item))
+}
+
 /// The value at the dotted `key`. Entries of lists of tables are addressed by name or by number, from 1.
 pub fn at_key<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
     let mut parts = key.split('.');
     let first = table.get(parts.next()?)?;
     parts.try_fold(first, |value, part| match value {
         Value::Table(table) => table.get(part),
-        Value::Array(items) => {
-            let mut numbered = items.iter().enumerate();
-            let found = numbered.find(|(position, item)| {
-                let own = item.get("name").and_then(Value::as_str);
-                item.is_table() && (fault_name(own, *position) == part || (position + 1).to_string() == part)
-            });
-            found.map(|(_, item)| item)
-        }
+        Value::Array(items) => named_entry(items, part).map(|(_, item)| item),
         _ => None,
     })
 }

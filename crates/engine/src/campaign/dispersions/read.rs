@@ -12,6 +12,7 @@ use super::keys::{Keys, possible};
 use super::quantity::{Quantity, Step, at_key};
 use super::vectors::{attitude, correlated, direction, inertia};
 use super::{DESIGNS, Dispersion, Draws, Formula, Mode, Sized, Target};
+use crate::campaign::column::{NUMBERING, OF_TABLE};
 
 /// The context of a dispersion.
 pub struct Context<'a> {
@@ -48,11 +49,6 @@ const MODES: [(&str, Mode); 4] = [
     ("factor", Mode::Factor),
 ];
 
-/// The columns of every table, and those that a design makes.
-const COLUMNS: [&str; 9] = [
-    "point", "seed", "outcome", "reason", "tape", "matrix", "row", "level", "parent",
-];
-
 /// Maximum number of values on one axis of a grid.
 const LEVELS_MAX: usize = 10_000;
 
@@ -64,8 +60,9 @@ fn name_itself(name: &str, keys: &mut Keys<'_>) {
             format!("the name `{name}` has other characters than letters, digits, `_` and `-`"),
         );
     }
-    if name.is_empty() || COLUMNS.contains(&name) {
-        let taken = COLUMNS.join(", ");
+    let taken = [&OF_TABLE[..], &NUMBERING[..]].concat();
+    if name.is_empty() || taken.contains(&name) {
+        let taken = taken.join(", ");
         keys.refuse(
             "",
             format!("the name `{name}` is not possible: the table has columns {taken}; choose another"),
@@ -93,9 +90,10 @@ pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Di
     if keys.unit.is_none() && (mode == Mode::Offset || within) {
         keys.unit.clone_from(&own_unit);
     }
-    let kind = match keys.need("distribution", "\"normal\"") {
-        Some(Value::String(kind)) => kind.as_str(),
-        _ => return Err(keys.finish()),
+    let given = keys.need("distribution", "\"normal\"");
+    let Some(kind) = given.and_then(|_| keys.text("distribution")) else {
+        // Without it no other key is known to be wrong.
+        return Err(keys.wrong);
     };
     let draws = match kind {
         "uniform" | "normal" | "truncated-normal" | "log-normal" | "triangular" => scalar(&mut keys, kind),

@@ -318,11 +318,12 @@ impl Shards {
             // A folder with fewer points, or with other audits, has points to run.
             let whole = part.identity.digest == identity.digest && part.identity.audit == audit;
             match part.state {
-                State::Complete if whole => {
-                    shards.complete.insert(number, part.root);
-                }
                 State::Running(_) => {
                     shards.running.insert(number);
+                }
+                // Points that crashed are not given again: they may crash forever.
+                State::Complete | State::Stopped if whole && part.is_run() => {
+                    shards.complete.insert(number, part.root);
                 }
                 State::Complete | State::Stopped => {}
             }

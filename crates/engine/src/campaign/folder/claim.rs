@@ -26,6 +26,9 @@ pub struct Holder {
     pub workers: usize,
 }
 
+/// How the names of temporary run folders begin.
+const SCRATCH: &str = ".worker-";
+
 /// A campaign's folder, locked by this process.
 #[derive(Debug)]
 pub struct Folder {
@@ -137,7 +140,8 @@ impl Folder {
             known
                 .may_become(identity, campaign)
                 .map_err(|reason| refusal(root, reason))?;
-            if known != *identity {
+            // Damaged points are written anew as well.
+            if known != *identity || !identity.has_rows(root, campaign) {
                 identity.write(root, campaign)?;
             }
         } else {
@@ -149,7 +153,9 @@ impl Folder {
         };
         let journal = Journal::open(root, |entry| known.take(entry, identity))?;
         let root = root.to_owned();
-        Ok((Folder { root, journal, lock }, known))
+        let folder = Folder { root, journal, lock };
+        folder.remove_remains(&known.results)?;
+        Ok((folder, known))
     }
 
     /// Records in the folder which process holds it.
@@ -174,9 +180,33 @@ impl Folder {
         self.root.join("runs").join(format!("{point:05}"))
     }
 
+    /// Whether the run folder of point number `point`, from 1, is there and complete: the summary is its last file.
+    pub fn has_run(&self, point: usize) -> bool {
+        self.run(point).join("summary.json").is_file()
+    }
+
     /// The path where worker number `worker` may make a temporary run folder.
     pub fn scratch(&self, worker: usize) -> PathBuf {
-        self.root.join(format!(".worker-{worker}"))
+        self.root.join(format!("{SCRATCH}{worker}"))
+    }
+
+    /// Removes what a campaign that was killed left behind: temporary run folders, and incomplete ones of points that are
+    /// still to be run or ran to their ends. The folder of a run that failed may have no summary, and stays.
+    fn remove_remains(&self, results: &[Option<PointResult>]) -> Result<(), CampaignError> {
+        let entries = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
+        let scratch = entries(&self.root).filter(|entry| entry.file_name().to_string_lossy().starts_with(SCRATCH));
+        let incomplete = entries(&self.root.join("runs")).filter(|entry| {
+            let number = entry.file_name().to_str().and_then(|name| name.parse::<usize>().ok());
+            let Some(result) = number.and_then(|number| results.get(number.checked_sub(1)?)) else {
+                return false;
+            };
+            let over = result.as_ref().is_none_or(|result| result.outcome.ran());
+            over && !entry.path().join("summary.json").exists()
+        });
+        for path in scratch.chain(incomplete).map(|entry| entry.path()) {
+            fs::remove_dir_all(&path).map_err(failed(&path, "remove the incomplete run folder"))?;
+        }
+        Ok(())
     }
 
     /// Appends the result of a point, from 1, to the journal; it has been handed to the operating system when this returns.

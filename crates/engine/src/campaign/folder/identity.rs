@@ -1,7 +1,7 @@
-//! Identity of a campaign's folder: `campaign.json`, and the points in `points.jsonl`.
+//! Identity of a campaign's folder: `campaign.json`.
 
 use std::fs;
-use std::io::{self, BufRead, BufReader};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -10,6 +10,7 @@ use tape::Digest;
 use super::any_path::AnyPath;
 use crate::campaign::shards::shard::Shard;
 use crate::campaign::source::Source;
+use crate::campaign::until::Until;
 use crate::campaign::{Campaign, CampaignError, Column, Kind};
 use crate::scenario::{Changes, Scenario, ScenarioSpec};
 
@@ -52,6 +53,9 @@ pub struct Identity {
     /// The share of the points that is run twice.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub audit: f64,
+    /// The stopping rule, where the campaign has one: it may end before its last point.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until: Option<Until>,
 }
 
 fn is_zero(share: &f64) -> bool {
@@ -65,23 +69,6 @@ pub struct Heading {
     unit: String,
     numbers: bool,
     whole: bool,
-}
-
-/// A line of `points.jsonl`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
-    /// From 1.
-    pub point: usize,
-    /// Its changes.
-    pub changes: Vec<String>,
-    /// Its texts in the columns.
-    texts: Vec<String>,
-    /// Its numbers in those columns that have numbers; none where JSON cannot represent the number.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    numbers: Vec<Option<f64>>,
-    /// The reason why the point does not exist.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    refused: Option<String>,
 }
 
 pub(crate) fn failed(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> CampaignError + use<> {
@@ -168,6 +155,7 @@ impl Identity {
             shard: None,
             digests: campaign.digests,
             audit: 0.0,
+            until: None,
         };
         identity.digest = identity.digest_of(campaign, campaign.points.len());
         Ok(identity)
@@ -226,23 +214,6 @@ impl Identity {
         })
     }
 
-    /// Writes the points that belong to the folder `root` and its identity.
-    pub(crate) fn write(&self, root: &Path, campaign: &Campaign) -> Result<(), CampaignError> {
-        let path = root.join("points.jsonl");
-        let mut lines = Vec::new();
-        for at in 0..campaign.points.len() {
-            if self.owns(at) || self.audits(at) {
-                serde_json::to_writer(&mut lines, &campaign.row(at)).unwrap_or_default();
-                lines.push(b'\n');
-            }
-        }
-        tape::write_whole(&path, lines).map_err(failed(&path, "write the file"))?;
-        // The points first: a folder with this file is guaranteed to have them.
-        let path = root.join("campaign.json");
-        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
-        tape::write_whole(&path, text).map_err(failed(&path, "write the file"))
-    }
-
     /// Whether point `at` (from 0) belongs to the folder.
     pub fn owns(&self, at: usize) -> bool {
         self.shard.is_none_or(|shard| shard.owns(at))
@@ -257,6 +228,17 @@ impl Identity {
     fn made_of(&self) -> (Digest, Digest, Option<Digest>) {
         let source = self.source.as_ref().map(|source| source.digest);
         (self.program, self.content, source)
+    }
+
+    /// Whether `other` is the same campaign, be it with more or fewer points, or a shard of it.
+    pub(crate) fn is_same_but_for_points(&self, other: &Identity) -> bool {
+        let headings = |one: &Identity| {
+            one.columns
+                .iter()
+                .map(|heading| heading.name.clone())
+                .collect::<Vec<_>>()
+        };
+        self.made_of() == other.made_of() && self.digests == other.digests && headings(self) == headings(other)
     }
 
     /// In words: `200 points of `close`, digest 0123456789…`
@@ -351,23 +333,8 @@ impl Heading {
 }
 
 impl Campaign {
-    /// The row of point `at` (from 0) in its folder.
-    fn row(&self, at: usize) -> Row {
-        Row {
-            point: at + 1,
-            changes: self.points[at].clone(),
-            texts: self.columns.iter().map(|column| column.texts[at].clone()).collect(),
-            numbers: self
-                .columns
-                .iter()
-                .filter_map(|column| Some(Some(column.numbers.as_ref()?[at]).filter(|number| number.is_finite())))
-                .collect(),
-            refused: self.refused_at(at).map(str::to_owned),
-        }
-    }
-
     /// The reason why point `at` (from 0) does not exist, if so. The list is sorted.
-    pub(crate) fn refused_at(&self, at: usize) -> Option<&str> {
+    pub fn refused_at(&self, at: usize) -> Option<&str> {
         let found = self.refused.binary_search_by_key(&at, |(point, _)| *point).ok()?;
         Some(&self.refused[found].1)
     }
@@ -389,58 +356,6 @@ impl Campaign {
             digests: identity.digests,
         }
     }
-
-    /// Reads the points of the folder `root` into their places.
-    pub(crate) fn fill(&mut self, root: &Path) -> Result<(), CampaignError> {
-        each_row(root, |row| {
-            let Some(at) = row.point.checked_sub(1).filter(|at| *at < self.points.len()) else {
-                return;
-            };
-            let mut numbers = row.numbers.into_iter();
-            for (column, text) in self.columns.iter_mut().zip(row.texts) {
-                if let Some(whole) = &mut column.whole {
-                    whole[at] = text.parse().unwrap_or_default();
-                }
-                if let Some((own, number)) = column.numbers.as_mut().and_then(|own| Some((own, numbers.next()?))) {
-                    let digits = || text.split(' ').next()?.parse().ok();
-                    own[at] = number.or_else(digits).unwrap_or(f64::NAN);
-                }
-                column.texts[at] = text;
-            }
-            self.points[at] = row.changes;
-            self.refused.extend(row.refused.map(|reason| (at, reason)));
-        })?;
-        self.refused.sort();
-        self.refused.dedup();
-        Ok(())
-    }
-
-    /// The campaign whose folder is `root`, with the points that the folder is for; and the identity of the folder.
-    ///
-    /// # Errors
-    /// When it is not a campaign's folder.
-    pub fn of_folder(root: &Path) -> Result<(Campaign, Identity), CampaignError> {
-        let identity = Identity::read(root)?;
-        let mut campaign = Campaign::blank(&identity);
-        // In a bundle the path is relative to the bundle; elsewhere it is absolute.
-        campaign.scenario = root.join(&campaign.scenario);
-        if let Some(source) = &mut campaign.source {
-            source.file = AnyPath(root.join(&source.file.0));
-        }
-        campaign.fill(root)?;
-        Ok((campaign, identity))
-    }
-}
-
-fn each_row(root: &Path, mut take: impl FnMut(Row)) -> Result<(), CampaignError> {
-    let path = root.join("points.jsonl");
-    let file = fs::File::open(&path).map_err(failed(&path, "read the file"))?;
-    for line in BufReader::new(file).split(b'\n') {
-        let line = line.map_err(failed(&path, "read the file"))?;
-        let row = serde_json::from_slice(&line).map_err(|error| failed(&path, "read the file")(error.into()))?;
-        take(row);
-    }
-    Ok(())
 }
 
 /// The folder of a campaign unless the user names one.

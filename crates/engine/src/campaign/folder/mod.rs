@@ -5,6 +5,7 @@ pub(super) mod claim;
 pub(super) mod identity;
 pub(super) mod journal;
 pub(super) mod keep;
+pub(super) mod points;
 pub(super) mod recall;
 pub(super) mod status;
 pub(super) mod table;

@@ -8,7 +8,9 @@ use super::claim::{Holder, holder};
 use super::identity::Identity;
 use super::journal;
 use crate::campaign::CampaignError;
-use crate::campaign::workers::point::Outcome;
+use crate::campaign::figures::Figures;
+use crate::campaign::until::Until;
+use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// A folder of a campaign and its progress.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +19,9 @@ pub struct Part {
     pub root: PathBuf,
     /// Its identity.
     pub identity: Identity,
-    /// The number of points that it is for.
+    /// The number of points of the campaign. The folder of a shard may be of an earlier state, with fewer points.
+    pub points: usize,
+    /// The number of points of the campaign that belong to it.
     pub own: usize,
     /// The outcomes of the points that were run.
     pub outcomes: BTreeMap<&'static str, usize>,
@@ -25,6 +29,8 @@ pub struct Part {
     pub nodes: Vec<String>,
     /// The number of points of another shard that it has run, and the number that it is to run.
     pub audits: (usize, usize),
+    /// The number of points, from the first on, that its stopping rule finds enough.
+    pub enough: Option<usize>,
     /// Its activity.
     pub state: State,
 }
@@ -32,7 +38,7 @@ pub struct Part {
 /// The activity in a folder of a campaign.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum State {
-    /// All of its points have results.
+    /// All of its points have results, or enough of them where it has a stopping rule.
     Complete,
     /// Points are being run.
     Running(Holder),
@@ -41,18 +47,33 @@ pub enum State {
 }
 
 impl Part {
-    /// The number of its points with results.
+    /// The number of its points with results that stay: a point that crashed is run again.
     pub fn done(&self) -> usize {
-        self.outcomes.values().sum()
+        self.outcomes.values().sum::<usize>() - self.crashed()
     }
 
-    /// The number of its points whose runs did not reach their ends.
+    /// The number of its points that were refused or failed: they are not run again.
     pub fn failed(&self) -> usize {
-        let wrong = [Outcome::Refused, Outcome::Failed, Outcome::Crashed];
-        wrong
-            .iter()
-            .filter_map(|outcome| self.outcomes.get(outcome.word()))
-            .sum()
+        self.count(Outcome::Refused) + self.count(Outcome::Failed)
+    }
+
+    /// The number of its points whose last run crashed.
+    pub fn crashed(&self) -> usize {
+        self.count(Outcome::Crashed)
+    }
+
+    fn count(&self, outcome: Outcome) -> usize {
+        self.outcomes.get(outcome.word()).copied().unwrap_or(0)
+    }
+
+    /// Whether every point was run, be it that it crashed: running it again may change nothing.
+    pub fn is_run(&self) -> bool {
+        self.done() + self.crashed() == self.own && self.audits.0 == self.audits.1
+    }
+
+    /// Whether the campaign has grown since the folder was made.
+    pub fn is_outgrown(&self) -> bool {
+        self.identity.points < self.points
     }
 
     /// The number of its points that are being run.
@@ -69,27 +90,28 @@ impl Part {
         self.identity.shard.map(|shard| shard.number)
     }
 
-    fn read(root: &Path) -> Result<Part, CampaignError> {
-        let identity = Identity::read(root)?;
+    /// The folder `root` with the identity `identity`, of a campaign with `points` points by now.
+    fn read(root: &Path, identity: Identity, points: usize) -> Result<Part, CampaignError> {
         let audits = |at: usize| identity.audits(at);
-        let mut outcomes: Vec<Option<&'static str>> = vec![None; identity.points];
-        let mut twice = vec![false; identity.points];
+        let mut results: Vec<Option<PointResult>> = vec![None; points];
+        let mut twice = vec![false; points];
         let mut nodes = Vec::new();
         journal::each(&journal::path(root), |entry| {
-            let Some(at) = entry.point.checked_sub(1).filter(|at| *at < identity.points) else {
+            let Some(at) = entry.point.checked_sub(1).filter(|at| *at < points) else {
                 return;
             };
             if entry.audit {
-                twice[at] = audits(at);
+                twice[at] |= audits(at) && entry.result.outcome != Outcome::Crashed;
             } else if identity.owns(at) {
-                outcomes[at] = Some(entry.result.outcome.word());
+                results[at] = Some(entry.result);
             }
             if !nodes.contains(&entry.node) {
                 nodes.push(entry.node);
             }
         })?;
-        let all = 0..identity.points;
+        let all = 0..points;
         let mut part = Part {
+            points,
             own: all.clone().filter(|at| identity.owns(*at)).count(),
             outcomes: BTreeMap::new(),
             nodes,
@@ -97,20 +119,33 @@ impl Part {
                 twice.iter().filter(|twice| **twice).count(),
                 all.filter(|at| audits(*at)).count(),
             ),
+            enough: None,
             state: State::Stopped,
             root: root.to_owned(),
             identity,
         };
-        for word in outcomes.into_iter().flatten() {
-            *part.outcomes.entry(word).or_default() += 1;
+        for result in results.iter().flatten() {
+            *part.outcomes.entry(result.outcome.word()).or_default() += 1;
         }
+        part.enough = part.identity.until.as_ref().and_then(|until| enough(until, results));
         if let Some(holder) = holder(root) {
             part.state = State::Running(holder);
-        } else if part.done() == part.own && part.audits.0 == part.audits.1 {
+        } else if part.enough.is_some() || (part.is_run() && part.crashed() == 0) {
             part.state = State::Complete;
         }
         Ok(part)
     }
+}
+
+/// The number of points, from the first on, with which the rule `until` ends a campaign that has the results `results`.
+fn enough(until: &Until, mut results: Vec<Option<PointResult>>) -> Option<usize> {
+    for result in &mut results {
+        // A point that crashed is run again.
+        result.take_if(|one| one.outcome == Outcome::Crashed);
+    }
+    let figures = results.iter().flatten().find_map(|result| result.figures.as_ref());
+    let known = figures.map_or(Vec::new(), Figures::ordered);
+    until.watch(&known).ok()?.look(&results)
 }
 
 /// Every folder of a campaign in `root`: `root` itself, or those of shards in it or in its folder `shards`, by their
@@ -119,7 +154,7 @@ impl Part {
 /// # Errors
 /// When there is no such folder, or one cannot be read.
 pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
-    let mut parts = Vec::new();
+    let mut shards = Vec::new();
     for folder in [root.to_owned(), root.join("shards")] {
         let mut below: Vec<PathBuf> = fs::read_dir(&folder)
             .into_iter()
@@ -130,16 +165,45 @@ pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
             .collect();
         below.sort();
         for path in below {
-            let part = Part::read(&path)?;
-            if part.identity.shard.is_some() {
-                parts.push(part);
+            let identity = Identity::read(&path)?;
+            if identity.shard.is_some() {
+                shards.push((path, identity));
             }
         }
     }
-    parts.sort_by_key(|part| part.identity.shard.map(|shard| (shard.of, shard.number)));
+    shards.sort_by_key(|(_, identity)| identity.shard.map(|shard| (shard.of, shard.number)));
     // The whole campaign has its own results after merging, or where it has no shards.
-    if parts.is_empty() || fs::metadata(journal::path(root)).is_ok_and(|about| about.len() > 0) {
-        parts.insert(0, Part::read(root)?);
+    let merged = fs::metadata(journal::path(root)).is_ok_and(|about| about.len() > 0);
+    let whole = if shards.is_empty() || merged || root.join("campaign.json").is_file() {
+        Some(Identity::read(root)?)
+    } else {
+        None
+    };
+    // A shard that was not started again since the campaign grew lacks points that its own folder does not know of.
+    let known = || whole.iter().chain(shards.iter().map(|(_, identity)| identity));
+    let grown = |one: &Identity| {
+        let same = known().filter(|other| other.is_same_but_for_points(one));
+        same.map(|other| other.points).max().unwrap_or(one.points)
+    };
+    let listed = shards.iter().map(|(path, identity)| (path.as_path(), identity));
+    let own = whole.iter().filter(|_| shards.is_empty() || merged);
+    own.map(|identity| (root, identity))
+        .chain(listed)
+        .map(|(path, identity)| Part::read(path, identity.clone(), grown(identity)))
+        .collect()
+}
+
+/// The number of points of the campaign that belong to none of the shards `parts`.
+pub fn uncovered(parts: &[Part]) -> usize {
+    let points = parts.iter().map(|part| part.points).max().unwrap_or(0);
+    let mut there = vec![false; points];
+    for part in parts {
+        let (first, step) = part.identity.shard.map_or((0, 1), |shard| (shard.number - 1, shard.of));
+        there
+            .iter_mut()
+            .skip(first)
+            .step_by(step)
+            .for_each(|there| *there = true);
     }
-    Ok(parts)
+    there.iter().filter(|there| !**there).count()
 }

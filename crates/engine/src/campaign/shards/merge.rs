@@ -61,13 +61,17 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
     };
     for (number, (root, identity)) in folders.iter().enumerate() {
         whole.take(number, root, identity, &folders)?;
-        campaign.fill(root)?;
+        campaign.fill(root, identity)?;
     }
     whole.no_gaps(&folders)?;
+    identity
+        .same_points("points.jsonl of the shards", &campaign)
+        .or_else(refuse)?;
     whole.no_differences(&folders)?;
     let whole_identity = Identity {
         shard: None,
         audit: 0.0,
+        until: None,
         ..identity.clone()
     };
     let (folder, known) = Folder::take(out, &campaign, &whole_identity)?;

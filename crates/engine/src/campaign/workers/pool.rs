@@ -7,10 +7,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use super::batch_size::company;
+use super::errand::{Errand, What, open_points};
 use super::point::{Outcome, Result as PointResult};
 use super::worker::{Answer, Task, Word, Worker};
 use crate::campaign::folder::any_path::AnyPath;
-use crate::campaign::folder::claim::{Folder, Known};
+use crate::campaign::folder::claim::Folder;
 use crate::campaign::folder::identity::{Identity, digest_of_scenario};
 use crate::campaign::folder::keep::{Keep, kept};
 use crate::campaign::folder::table::sheet;
@@ -65,7 +66,7 @@ impl Finished {
     /// # Errors
     /// As [`run`], and when a point has another result than before.
     pub fn keep(&mut self, campaign: &Campaign, scenario: &Scenario, options: &Options) -> Result<(), CampaignError> {
-        let there = |at: &usize| self.folder.run(at + 1).join("summary.json").is_file();
+        let there = |at: &usize| self.folder.has_run(at + 1);
         let wanted = kept(&options.keep, &self.results, options.figure.as_ref()).into_iter();
         let open = wanted
             .filter(|at| !there(at))
@@ -89,6 +90,7 @@ pub fn run(campaign: &Campaign, scenario: &Scenario, options: &Options) -> Resul
     let identity = Identity {
         shard: options.shard,
         audit: options.audit,
+        until: options.rule(),
         ..Identity::of(campaign, scenario)?
     };
     work(campaign, scenario, identity, options, None)
@@ -123,6 +125,7 @@ pub fn run_as(
     let identity = Identity {
         shard: options.shard,
         audit: options.audit,
+        until: options.rule(),
         file: now.file,
         source: now.source,
         ..known.clone()
@@ -187,40 +190,6 @@ impl Options {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         self.workers.unwrap_or(cores).clamp(1, open.max(1))
     }
-}
-
-/// A point to be run.
-#[derive(Debug, Clone, Copy)]
-struct Errand {
-    /// From 0.
-    point: usize,
-    what: What,
-}
-
-/// Use of a result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum What {
-    /// It is the point's result.
-    Own,
-    /// It is compared with the result of another shard.
-    Audit,
-    /// It is already known; the run folder is requested.
-    Again,
-}
-
-/// The points that the folder is for and does not have: its own, then those of another shard.
-fn open_points(known: &Known, identity: &Identity) -> VecDeque<Errand> {
-    let all = 0..known.results.len();
-    let own = all
-        .clone()
-        .filter(|&at| identity.owns(at) && known.results[at].is_none());
-    let others = all
-        .filter(|at| identity.audits(*at))
-        .filter(|at| !known.audited.contains(at));
-    let errand = |what| move |point| Errand { point, what };
-    own.map(errand(What::Own))
-        .chain(others.map(errand(What::Audit)))
-        .collect()
 }
 
 /// A worker and the points that it is running, each with its ticket.

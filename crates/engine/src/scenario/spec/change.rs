@@ -51,6 +51,8 @@ pub(super) fn set(
     if parts.iter().any(|part| part.is_empty()) {
         return Err(refuse(key, "a key has no empty parts".into()));
     }
+    // Mistakes call an entry of a list by its name, so the change is known by it too, however the entry was called.
+    let mut named: Vec<String> = parts.iter().map(|part| (*part).to_owned()).collect();
     let mut way = above.iter().enumerate();
     while let Some((depth, part)) = way.next() {
         let known: Vec<String> = table.keys().map(|name| format!("`{name}`")).collect();
@@ -78,8 +80,13 @@ pub(super) fn set(
         table = match entry {
             Value::Table(inner) => inner,
             Value::Array(list) if list.iter().any(Value::is_table) => {
-                let part = way.next().map(|(_, part)| *part);
-                entry_of(list, part, how).map_err(|reason| refuse(key, reason))?
+                let part = way.next();
+                let called = part.map(|(_, part)| *part);
+                let (name, entry) = entry_of(list, called, how).map_err(|reason| refuse(key, reason))?;
+                if let Some((depth, _)) = part {
+                    named[depth] = name;
+                }
+                entry
             }
             _ => {
                 let reason = format!("`{part}` is {kind} and has no keys ({how})");
@@ -91,7 +98,7 @@ pub(super) fn set(
         keep_decimal(&mut value, before);
     }
     table.insert((*last).to_owned(), value);
-    origin.change(key.to_owned(), how);
+    origin.change(named.join("."), how);
     Ok(())
 }
 
@@ -105,8 +112,8 @@ fn add_fault(table: &mut Table, origin: &mut Origin, text: &str, how: &'static s
     Ok(())
 }
 
-/// An entry of a list of tables, by its name or its number, from 1.
-fn entry_of<'a>(list: &'a mut [Value], name: Option<&str>, how: &str) -> Result<&'a mut Table, String> {
+/// An entry of a list of tables, by its name or its number, from 1; with its name.
+fn entry_of<'a>(list: &'a mut [Value], name: Option<&str>, how: &str) -> Result<(String, &'a mut Table), String> {
     let names: Vec<String> = list
         .iter()
         .enumerate()
@@ -116,7 +123,7 @@ fn entry_of<'a>(list: &'a mut [Value], name: Option<&str>, how: &str) -> Result<
     let at = names.iter().position(|own| own == wanted);
     let number = || wanted.parse::<usize>().ok()?.checked_sub(1);
     let at = at.or_else(number);
-    let found = at.and_then(|at| list.get_mut(at)).and_then(Value::as_table_mut);
+    let found = at.and_then(|at| Some((names.get(at)?.clone(), list.get_mut(at)?.as_table_mut()?)));
     found.ok_or_else(|| {
         let known: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
         let known = known.join(", ");

@@ -134,7 +134,7 @@ function top() {
   const { good, ran, low, high } = DATA.share;
   at("runs").append(DATA.words);
   const rate = el("div", { class: "card" }, el("h3", {}, `Share that is ${DATA.good}`), el("div", { class: "big" }, ran ? percent(good / ran) : "—"),
-    el("p", { class: "note" }, `${good} of ${ran} that ran: ${percent(low)} to ${percent(high)} with 95 % confidence (Wilson).`));
+    el("p", { class: "note" }, ran ? `${good} of ${ran} that ran: ${percent(low)} to ${percent(high)} with 95 % confidence (Wilson).` : "No point ran to its end."));
   const truth = measures.find((one) => one.truth);
   if (truth) rate.append(convergence(truth), el("p", { class: "note" }, "Of all points: the share after more and more of them, with its interval."));
   const groups = DATA.failures.map((one) => row(one.outcome, String(one.count), el("td", { class: "reason" }, one.reason || "—"), el("td", { class: "reason" }, one.points.join(", ") + (one.count > one.points.length ? ", …" : ""))));
