@@ -123,6 +123,29 @@ fn endless_step_is_ended_by_patience() {
 }
 
 #[test]
+fn fmu_that_cannot_be_saved_is_told_the_remedy_of_an_fmu() {
+    for version in [2, 3] {
+        let folder = Folder::new("unsaved");
+        let file = Recipe {
+            fault: "UNSAVED",
+            ..Recipe::new(version)
+        }
+        .build(&folder, "bad");
+        for more in [&[][..], &["--in-process"]] {
+            let arguments = [&["--checkpoint-at", "0.7 s"], more].concat();
+            let said = run(&folder, &file, "run.ports.inputs = []", &arguments);
+            assert_eq!(said.code, Some(1), "{said:?}");
+            for part in ["`it`: cannot save its state", "its log says why", "canSerializeFMU"] {
+                assert!(said.err.contains(part), "`{part}`: {said:?}");
+            }
+            assert!(!said.err.contains("implement"), "{said:?}");
+            let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
+            assert!(log.contains("the state of the FMU cannot be saved"), "{log}");
+        }
+    }
+}
+
+#[test]
 fn litter_goes_with_the_run() {
     let folder = Folder::new("litter");
     let file = Recipe {

@@ -20,7 +20,7 @@ use crate::run::options::Options;
 use crate::run::outcome::{Ending, RunFailure};
 use crate::run::prepare::Made;
 use crate::run::recording::recorder::Recorder;
-use crate::run::saved::checkpoint::CANNOT_SAVE;
+use crate::run::saved::checkpoint::cannot_save;
 use crate::run::state::RunState;
 use crate::scenario::{Entry, ORCHESTRATOR, Program, Scenario};
 
@@ -326,7 +326,8 @@ impl Executor for Loop {
     fn save(&mut self, run_state: &RunState, number: usize) -> Result<Vec<u8>, RunFailure> {
         let steppers = self.looped.as_ref().map(InLoop::steppers).unwrap_or_default();
         let state = steppers.get(number).and_then(|stepper| stepper.participant().save());
-        state.ok_or_else(|| odd(&run_state.entries[number], CANNOT_SAVE))
+        let entry = &run_state.entries[number];
+        state.ok_or_else(|| odd(entry, cannot_save(matches!(entry.program, Program::Fmu { .. }))))
     }
 
     fn take_up(
