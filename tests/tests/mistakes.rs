@@ -85,6 +85,22 @@ fn a_program_of_an_option_is_looked_for_where_the_command_is_given() {
 }
 
 #[test]
+fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
+    let folder = Folder::new("of-its-own");
+    let file = springs(&folder);
+    let out = folder.path().join("out");
+    let mut run = vec!["run", text(&file), "--out", text(&out), "--in-process"];
+    run.extend(["--set", "participants.left.run={ exe = \"true\" }"]);
+    let parts = [
+        "participants.left.run: participant `left` is a program of its own, `true`",
+        "leave out --in-process",
+        "given with --set",
+    ];
+    refused(&orchestrate(&run), &parts, &[]);
+    assert!(!out.exists(), "nothing is written");
+}
+
+#[test]
 fn a_file_that_cannot_be_read_is_a_refusal_that_is_told_once() {
     let nothing = Folder::new("read-once").path().join("nothere");
     let nothing = |ending: &str| nothing.with_extension(ending);
