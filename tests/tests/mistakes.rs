@@ -85,6 +85,52 @@ fn a_program_of_an_option_is_looked_for_where_the_command_is_given() {
 }
 
 #[test]
+fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
+    let folder = Folder::new("taken-over");
+    let file = springs(&folder);
+    let refuses = "the builtin `controller` refuses `participants.left.parameters";
+    for option in ["--substitute", "--shadow"] {
+        let given = format!("given with {option}");
+        let out = folder.path().join("out");
+        let said = orchestrate(&[
+            "run",
+            text(&file),
+            "--out",
+            text(&out),
+            option,
+            "left=builtin:controller",
+        ]);
+        refused(
+            &said,
+            &["m.toml: participants.left.run: ", refuses, "(line ", &given],
+            &[],
+        );
+        assert!(!out.exists(), "nothing is written");
+    }
+    let spring = std::fs::read_to_string(&file).expect("the scenario is there");
+    let policy = "on-failure = { substitute = { builtin = \"controller\" } }";
+    let part = "period = \"1 ms\"";
+    assert!(spring.contains(part), "{spring}");
+    let policy = folder.write("policy.toml", &spring.replacen(part, &format!("{part}\n{policy}"), 1));
+    let said = orchestrate(&["check", text(&policy)]);
+    refused(
+        &said,
+        &[
+            "policy.toml:",
+            "participants.left.on-failure.substitute: ",
+            refuses,
+            "(line ",
+        ],
+        &[],
+    );
+    let fault =
+        "[[faults]]\nat = \"0.1 s\"\nsubstitute = \"left\"\nstate = \"cold\"\nrun = { builtin = \"controller\" }\n";
+    let fault = folder.write("fault.toml", &format!("{spring}\n{fault}"));
+    let said = orchestrate(&["check", text(&fault)]);
+    refused(&said, &["fault.toml:", "faults.fault-1.run: ", refuses, "(line "], &[]);
+}
+
+#[test]
 fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
     let folder = Folder::new("of-its-own");
     let file = springs(&folder);
