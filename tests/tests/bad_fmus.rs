@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use escapement_tests::fmus::{Recipe, archive, unpacked};
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, text};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, text};
 
 /// A run of the FMU `file` alone, with a separate folder for temporary files, which is empty afterwards.
 fn run(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
@@ -83,6 +83,50 @@ fn exit_in_the_program_is_a_failure_that_names_the_fmu() {
         assert_eq!(said.code, Some(1), "{said:?}");
         assert!(said.err.contains("it: the FMU called exit() in DoStep"), "{said:?}");
     }
+}
+
+#[test]
+fn unpacked_fmu_of_a_dead_process_goes_with_the_next_run_in_processes() {
+    let folder = Folder::new("unpacked");
+    let file = Recipe {
+        fault: "EXIT",
+        ..Recipe::new(2)
+    }
+    .build(&folder, "bad");
+    let temporary = folder.path().join("temporary");
+    ended(&folder, &file, "run.ports.inputs = []", &["--in-process"]);
+    assert_eq!(unpacked(&temporary).len(), 1);
+    let there = |arguments: &[&str]| {
+        let mut command = Command::new(orchestrator());
+        command
+            .args(arguments)
+            .current_dir(folder.path())
+            .env("TMPDIR", &temporary);
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let said = finish(command.spawn().expect("the program can be started"));
+        assert_eq!(said.code, Some(0), "{said:?}");
+        said
+    };
+    let said = there(&["doctor"]);
+    assert!(said.out.contains("left an unpacked FMU in"), "{said:?}");
+    assert!(
+        said.out.contains("so does the next run with participants in processes"),
+        "{said:?}"
+    );
+    let springs = root().join("orchestrator/src/templates/spring.toml");
+    there(&[
+        "run",
+        text(&springs),
+        "--duration",
+        "50 ms",
+        "--out",
+        "springs",
+        "--quiet",
+    ]);
+    assert_eq!(unpacked(&temporary), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]
