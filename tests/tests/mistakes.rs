@@ -147,6 +147,26 @@ fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
 }
 
 #[test]
+fn patience_is_warned_of_where_it_has_no_effect() {
+    let folder = Folder::new("no-patience");
+    let file = springs(&folder);
+    let warning = "warning: --patience 5 s has no effect on a run in one process";
+    for (number, (more, warned)) in [
+        (&["--patience", "5 s", "--in-process"][..], true),
+        (&["--patience", "5 s"], false),
+        (&["--in-process"], false),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let out = folder.path().join(number.to_string());
+        let said = orchestrate(&[&["run", text(&file), "--out", text(&out)], more].concat());
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(said.err.contains(warning), warned, "{said:?}");
+    }
+}
+
+#[test]
 fn a_file_that_cannot_be_read_is_a_refusal_that_is_told_once() {
     let nothing = Folder::new("read-once").path().join("nothere");
     let nothing = |ending: &str| nothing.with_extension(ending);
