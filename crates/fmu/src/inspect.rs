@@ -53,6 +53,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
         }
         Err(error) => problems.push(error.reason.clone()),
     }
+    problems.extend(layout.iter().flat_map(|layout| taken_for_padding(about, layout)));
     parameters(&model, &mut text);
     let library = model.library();
     if let Err(error) = &library {
@@ -93,6 +94,23 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
         scenario: scenario(&model, file),
         usable: library.is_ok() && layout.is_ok(),
     })
+}
+
+/// Notes on variables whose fields look like padding: the layout gives its own padding a name that no variable has.
+fn taken_for_padding(about: &Description, layout: &Layout) -> Vec<String> {
+    let own = &layout.interface;
+    let inputs = own.inputs.iter().map(|port| &port.descriptor);
+    let all = inputs.chain(own.outputs.iter().map(|port| &port.descriptor));
+    let fields = all.flat_map(|descriptor| &descriptor.fields);
+    let named = fields.filter(|field| field.is_padding() && about.variable(&field.name).is_some());
+    let note = |field: &lockstep::port::Field| {
+        format!(
+            "`{0}` is called like padding, which connections by name and exports leave out: give its field another name in `ports`, \
+             {{ name = \"NAME\", variable = \"{0}\" }}",
+            field.name
+        )
+    };
+    named.map(note).collect()
 }
 
 /// Plans the ports of an FMU from its description alone; the resulting interface is valid, or the FMU is rejected.
@@ -269,4 +287,31 @@ fn start(about: &Description, one: &Variable) -> Option<Value> {
             .parse()
             .map_or_else(|_| Value::String(start.clone()), Value::Integer),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn described(more: &str, variables: &str) -> Description {
+        let text = format!(
+            "<fmiModelDescription fmiVersion='3.0' modelName='m' instantiationToken='t'><CoSimulation modelIdentifier='m'/>{more}\
+             <ModelVariables>{variables}</ModelVariables><ModelStructure/></fmiModelDescription>"
+        );
+        Description::read(&text).expect("it is a description")
+    }
+
+    #[test]
+    fn variable_that_looks_like_padding_is_noted() {
+        let about = described(
+            "",
+            "<Float64 name='x' valueReference='1' causality='output'/>\
+             <UInt8 name='padding' valueReference='2' causality='output'/>\
+             <UInt8 name='paddingCount' valueReference='3' causality='output'/>",
+        );
+        let layout = Layout::new(&about, &Options::default(), &Settings::default()).expect("it has ports");
+        let notes = taken_for_padding(&about, &layout);
+        assert_eq!(notes.len(), 1, "{notes:?}");
+        assert!(notes[0].contains("`padding` is called like padding") && notes[0].contains("variable = \"padding\""));
+    }
 }
