@@ -38,6 +38,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
         }
     }
     let _ = writeln!(text, "  platforms: {}", model.platforms().join(", "));
+    experiment(about, &mut text);
     abilities(&model, &mut text);
     let mut problems = about.problems.clone();
     let settings = Settings::read(about, &toml::Table::new());
@@ -91,7 +92,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
     }
     Ok(Inspection {
         text,
-        scenario: scenario(&model, file),
+        scenario: scenario(about, file),
         usable: library.is_ok() && layout.is_ok(),
     })
 }
@@ -119,6 +120,25 @@ pub fn look(description: &Description) {
         .and_then(|settings| Layout::new(description, &Options::default(), &settings));
     if let Ok(layout) = planned {
         assert_eq!(layout.interface.validate(), Ok(()));
+    }
+}
+
+/// The default experiment, and what a run cannot take over from it.
+fn experiment(about: &Description, text: &mut String) {
+    let own = &about.experiment;
+    let times = [("from", own.start), ("to", own.stop), ("in steps of", own.step)];
+    let given = times
+        .iter()
+        .filter_map(|(words, time)| Some(format!(" {words} {} s", (*time)?)));
+    let given: String = given.collect();
+    if !given.is_empty() {
+        let _ = writeln!(text, "  default experiment:{given}");
+    }
+    if let Some(start) = own.start.filter(|start| *start < 0.0) {
+        let _ = writeln!(
+            text,
+            "  a run starts at 0 s or later, and not at {start} s: the scenario below starts at 0 s"
+        );
     }
 }
 
@@ -195,15 +215,26 @@ fn parameters(model: &Model, text: &mut String) {
 /// A suitable period for the FMU, s: the step of its default experiment, else 10 ms, rounded to a multiple of its own step
 /// where that is fixed.
 pub fn period(about: &Description) -> f64 {
-    let wanted = about.experiment.step.filter(|step| *step > 0.0).unwrap_or(0.01);
+    let wanted = about.experiment.step.unwrap_or(0.01);
     match about.abilities.fixed_step {
         Some(own) => own * (wanted / own).round().max(1.0),
         None => wanted,
     }
 }
 
-fn scenario(model: &Model, file: &Path) -> String {
-    let about = &model.description;
+/// The first instant and the end of a suitable run of the FMU, s: those of its default experiment, else 0 s and 10 s later. A run
+/// does not start before 0 s; an experiment that does is moved there.
+pub fn span(about: &Description) -> (f64, f64) {
+    let start = about.experiment.start.unwrap_or(0.0);
+    let first = start.max(0.0);
+    match about.experiment.stop {
+        Some(stop) if start < 0.0 => (first, stop - start),
+        Some(stop) => (first, stop),
+        None => (first, first + 10.0),
+    }
+}
+
+fn scenario(about: &Description, file: &Path) -> String {
     let name: String = about
         .model
         .chars()
@@ -222,17 +253,17 @@ fn scenario(model: &Model, file: &Path) -> String {
         name.trim_matches('-')
     };
     let quoted = |text: &str| Value::String(text.to_owned()).to_string();
-    let start = about.experiment.start.unwrap_or(0.0);
-    let duration = about
-        .experiment
-        .stop
-        .map(|stop| stop - start)
-        .filter(|span| *span > 0.0)
-        .unwrap_or(10.0);
+    // The duration is the end of the run.
+    let (first, end) = span(about);
+    let offset = if first > 0.0 {
+        format!("offset = \"{first} s\"\n")
+    } else {
+        String::new()
+    };
     let path = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
     let path = path.to_string_lossy();
     let mut text = format!(
-        "title = {}\nduration = \"{duration} s\"\n\n[participants.{name}]\nperiod = \"{} s\"\nrun.fmu = {}\n",
+        "title = {}\nduration = \"{end} s\"\n\n[participants.{name}]\nperiod = \"{} s\"\n{offset}run.fmu = {}\n",
         quoted(&about.model),
         period(about),
         quoted(&path)
@@ -299,6 +330,66 @@ mod tests {
              <ModelVariables>{variables}</ModelVariables><ModelStructure/></fmiModelDescription>"
         );
         Description::read(&text).expect("it is a description")
+    }
+
+    #[test]
+    fn scenario_has_the_times_of_the_default_experiment() {
+        let file = Path::new("/m.fmu");
+        for (attributes, lines, told) in [
+            (
+                "startTime='5' stopTime='8' stepSize='0.5'",
+                &["duration = \"8 s\"", "offset = \"5 s\"", "period = \"0.5 s\""][..],
+                "default experiment: from 5 s to 8 s in steps of 0.5 s",
+            ),
+            (
+                "startTime='20'",
+                &["duration = \"30 s\"", "offset = \"20 s\""],
+                "from 20 s",
+            ),
+            (
+                "startTime='-2' stopTime='3'",
+                &["duration = \"5 s\""],
+                "a run starts at 0 s or later, and not at -2 s",
+            ),
+            (
+                "startTime='0' stopTime='3'",
+                &["duration = \"3 s\"", "period = \"0.01 s\""],
+                "from 0 s to 3 s",
+            ),
+        ] {
+            let about = described(&format!("<DefaultExperiment {attributes}/>"), "");
+            assert_eq!(about.problems, Vec::<String>::new());
+            let text = scenario(&about, file);
+            for line in lines {
+                assert!(text.lines().any(|one| one == *line), "`{line}` is not in {text}");
+            }
+            assert_eq!(
+                text.contains("offset"),
+                lines[1..].iter().any(|line| line.contains("offset")),
+                "{text}"
+            );
+            let mut shown = String::new();
+            experiment(&about, &mut shown);
+            assert!(shown.contains(told), "{shown}");
+        }
+    }
+
+    #[test]
+    fn times_of_a_default_experiment_that_mean_nothing_are_noted_and_not_used() {
+        for (attributes, note) in [
+            ("stepSize='0'", "`stepSize` is 0 s, which is not positive"),
+            ("stepSize='-0.1'", "`stepSize` is -0.1 s, which is not positive"),
+            (
+                "startTime='4' stopTime='4'",
+                "`stopTime` is 4 s, which is not after the start at 4 s",
+            ),
+        ] {
+            let about = described(&format!("<DefaultExperiment {attributes}/>"), "");
+            assert_eq!(about.problems.len(), 1, "{:?}", about.problems);
+            assert!(about.problems[0].contains(note), "{:?}", about.problems);
+            assert_eq!((about.experiment.step, about.experiment.stop), (None, None));
+            assert_eq!(period(&about), 0.01);
+        }
     }
 
     #[test]

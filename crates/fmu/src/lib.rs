@@ -27,7 +27,7 @@ pub use description::{
     Item, Range, Type, Unit, Variability, Variable, Version,
 };
 pub use draft::{Draft, Names, Part, Wire, together};
-pub use inspect::{Inspection, inspect, look, period, written};
+pub use inspect::{Inspection, inspect, look, period, span, written};
 pub use layout::{INPUTS, OUTPUTS, RECORDED, element};
 pub use model::{FILE_MAX, FmuError, Model};
 pub use names::nearest;

@@ -40,9 +40,9 @@ pub struct Abilities {
 pub struct Experiment {
     /// Start, s.
     pub start: Option<f64>,
-    /// End, s.
+    /// End, s: after the start.
     pub stop: Option<f64>,
-    /// Communication step, s.
+    /// Communication step, s: positive.
     pub step: Option<f64>,
     /// Relative tolerance of its solver.
     pub tolerance: Option<f64>,

@@ -1,6 +1,7 @@
 //! Content of `modelDescription.xml`, in the same terms for FMI 2.0 and 3.0.
 
 mod content;
+mod experiment;
 mod literals;
 mod nodes;
 mod read;

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::content::{Abilities, Description, Experiment, Version};
+use super::experiment::settle;
 use super::literals;
 use super::nodes::{child, elements, range, type_of, words};
 use super::units::{BaseUnit, Unit};
@@ -158,15 +159,7 @@ impl<'a> Reader<'a> {
             serialise: self.flag(own, serialise)?,
             event_mode: self.flag(own, "hasEventMode")?,
         };
-        let experiment = match child(root, "DefaultExperiment") {
-            None => Experiment::default(),
-            Some(node) => Experiment {
-                start: self.finite(node, "startTime")?,
-                stop: self.finite(node, "stopTime")?,
-                step: self.finite(node, "stepSize")?,
-                tolerance: self.finite(node, "tolerance")?,
-            },
-        };
+        let experiment = self.experiment(child(root, "DefaultExperiment"))?;
         let units = self.units(child(root, "UnitDefinitions"))?;
         let types = self.types(child(root, "TypeDefinitions"))?;
         let mut variables = self.variables(root, &units, &types)?;
@@ -189,6 +182,22 @@ impl<'a> Reader<'a> {
             log_categories: categories.map(str::to_owned).collect(),
             problems: self.problems,
         })
+    }
+
+    fn experiment(&mut self, node: Option<Node<'a, 'a>>) -> Result<Experiment, DescriptionError> {
+        let Some(node) = node else {
+            return Ok(Experiment::default());
+        };
+        let mut experiment = Experiment {
+            start: self.finite(node, "startTime")?,
+            stop: self.finite(node, "stopTime")?,
+            step: self.finite(node, "stepSize")?,
+            tolerance: self.finite(node, "tolerance")?,
+        };
+        for odd in settle(&mut experiment) {
+            self.problem(node, odd);
+        }
+        Ok(experiment)
     }
 
     fn units(&mut self, all: Option<Node<'a, 'a>>) -> Result<BTreeMap<String, Unit>, DescriptionError> {
@@ -418,12 +427,7 @@ impl<'a> Reader<'a> {
             Some("approx") => Some(Initial::Approx),
             Some("calculated") => Some(Initial::Calculated),
             Some(other) => return Err(self.error(node, format!("`{name}` has the unknown initial `{other}`"))),
-            None => match (causality, variability) {
-                (Causality::Input | Causality::Independent, _) => None,
-                (Causality::Parameter | Causality::StructuralParameter, _) => Some(Initial::Exact),
-                (_, Variability::Constant) => Some(Initial::Exact),
-                _ => Some(Initial::Calculated),
-            },
+            None => Initial::by_default(causality, variability),
         })
     }
 

@@ -116,6 +116,18 @@ pub enum Initial {
     Calculated,
 }
 
+impl Initial {
+    /// The default according to the standard's table of causality and variability.
+    pub(super) const fn by_default(causality: Causality, variability: Variability) -> Option<Initial> {
+        match (causality, variability) {
+            (Causality::Input | Causality::Independent, _) => None,
+            (Causality::Parameter | Causality::StructuralParameter, _) => Some(Initial::Exact),
+            (_, Variability::Constant) => Some(Initial::Exact),
+            _ => Some(Initial::Calculated),
+        }
+    }
+}
+
 /// An item of an enumeration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Item {
