@@ -190,6 +190,28 @@ fn fmu_that_cannot_be_saved_is_told_the_remedy_of_an_fmu() {
 }
 
 #[test]
+fn fmu_that_prints_does_not_spoil_a_result_in_one_process() {
+    for version in [2, 3] {
+        let folder = Folder::new("prints");
+        let file = Recipe {
+            fault: "PRINT",
+            ..Recipe::new(version)
+        }
+        .build(&folder, "prints");
+        let said = run(&folder, &file, "run.ports.inputs = []", &["--in-process", "--json"]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(said.json()["ending"]["status"], "complete", "{said:?}");
+        assert!(said.err.contains("{ the spring prints"), "{said:?}");
+        // The workers of a campaign answer on their standard output.
+        let scenario = folder.path().join("bad.toml");
+        let out = folder.path().join("campaign");
+        let vary = "participants.it.parameters.mass=1 kg,2 kg";
+        let said = orchestrate(&["sweep", text(&scenario), "--vary", vary, "--out", text(&out)]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
+}
+
+#[test]
 fn litter_goes_with_the_run() {
     let folder = Folder::new("litter");
     let file = Recipe {

@@ -89,6 +89,9 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         )));
     }
     let in_process = !args.process && !replay.external();
+    if in_process && args.common.json {
+        output::keep_apart();
+    }
     if in_process {
         args.common
             .patience_in_process()

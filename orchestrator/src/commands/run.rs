@@ -133,6 +133,9 @@ fn executed(
         steering: server.as_ref().map(|(_, steering)| steering.clone()),
         ..options(how)
     };
+    if how.in_process && how.common.json {
+        crate::output::keep_apart();
+    }
     // A shadow that is a program of its own runs in a process all the same.
     if how.in_process && shadows.is_empty() {
         how.common
