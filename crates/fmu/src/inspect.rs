@@ -1,5 +1,6 @@
 //! Inspection of an FMU before it runs, and a scenario entry for it. No code of the FMU is executed.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -185,8 +186,19 @@ fn ports(model: &Model, direction: &str, name: &str, fields: &[lockstep::port::F
             if !variable.text.is_empty() {
                 let _ = write!(text, " — {}", variable.text);
             }
+            also(variable, text);
         }
         text.push('\n');
+    }
+}
+
+/// The aliases of a variable.
+fn also(variable: &Variable, text: &mut String) {
+    for alias in &variable.aliases {
+        let _ = write!(text, "; also `{}`", alias.name);
+        if !alias.text.is_empty() {
+            let _ = write!(text, " ({})", alias.text);
+        }
     }
 }
 
@@ -208,6 +220,7 @@ fn parameters(model: &Model, text: &mut String) {
         if !one.text.is_empty() {
             let _ = write!(text, " — {}", one.text);
         }
+        also(one, text);
         text.push('\n');
     }
 }
@@ -286,13 +299,15 @@ fn scenario(about: &Description, file: &Path) -> String {
     text
 }
 
-/// The first parameters with their start values, as written in a scenario.
+/// The first parameters with their start values, as written in a scenario; of several that are one value, the first.
 pub fn written(about: &Description) -> Vec<(String, Value)> {
+    let mut values = BTreeSet::new();
     let own = about
         .variables
         .iter()
         .filter(|one| one.causality == Causality::Parameter && one.settable().is_ok());
-    own.filter_map(|one| Some((one.name.clone(), start(about, one)?)))
+    own.filter(|one| values.insert(about.value_of(one)))
+        .filter_map(|one| Some((one.name.clone(), start(about, one)?)))
         .take(20)
         .collect()
 }

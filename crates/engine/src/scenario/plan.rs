@@ -278,6 +278,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
         let known = fields::Known {
             sends: certain(output).map(|(_, descriptor)| descriptor),
             takes: certain(input).map(|(_, descriptor)| descriptor),
+            programs: [output, input].map(|found| Some(&self.scenario.participants[found?.0].program)),
         };
         let Some((_, assumed)) = output else {
             return Ok((None, None));
@@ -288,7 +289,8 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
             None => known.sends,
         };
         let initial = shown.map(|shown| {
-            let initial = super::initial::initial(&connection.initial, shown)?;
+            let initial = fields::initial(&connection.initial, to, &known)?;
+            let initial = super::initial::initial(&initial, shown)?;
             match &conversion {
                 Some(conversion) => fields::check_initial(&initial, conversion, shown).map(|()| initial),
                 None => Ok(initial),

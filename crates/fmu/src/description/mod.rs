@@ -11,4 +11,4 @@ mod variable;
 pub use content::{Abilities, Description, Experiment, Version};
 pub use read::DescriptionError;
 pub use units::{BASE as BASE_UNITS, BaseUnit, Conversion, Unit};
-pub use variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
+pub use variable::{Alias, Causality, Extent, Initial, Item, Range, Type, Variability, Variable};

@@ -7,9 +7,9 @@ use roxmltree::{Document, Node, ParsingOptions};
 use super::content::{Abilities, Description, Experiment, Version};
 use super::experiment::settle;
 use super::literals;
-use super::nodes::{child, elements, range, type_of, words};
+use super::nodes::{child, elements, range, text_of, type_of, words};
 use super::units::{BaseUnit, Unit};
-use super::variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
+use super::variable::{Alias, Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
 
 /// Maximum size of a description, bytes.
 pub const SIZE_MAX: usize = 64 << 20;
@@ -265,8 +265,8 @@ impl<'a> Reader<'a> {
         let (mut variables, mut names) = (Vec::new(), HashSet::new());
         for node in elements(Some(all)) {
             let mut variable = self.variable(node, types)?;
-            if !names.insert(variable.name.clone()) {
-                return Err(self.error(node, format!("the variable `{}` is there twice", variable.name)));
+            if let Some(name) = variable.names().find(|&name| !names.insert(name.to_owned())) {
+                return Err(self.error(node, format!("the variable `{name}` is there twice")));
             }
             if let Some(unit) = &variable.unit
                 && !units.contains_key(unit)
@@ -364,9 +364,19 @@ impl<'a> Reader<'a> {
             items: declared.items,
             extents,
             feedthrough: false,
-            text: node.attribute("description").unwrap_or_default().to_owned(),
+            text: text_of(node),
+            aliases: self.aliases(node)?,
             name,
         })
+    }
+
+    fn aliases(&self, node: Node<'a, 'a>) -> Result<Vec<Alias>, DescriptionError> {
+        let all = node.children().filter(|child| child.has_tag_name("Alias"));
+        let read = all.map(|alias| {
+            let text = text_of(alias);
+            self.needed(alias, "name").map(|name| Alias { name, text })
+        });
+        read.collect()
     }
 
     fn extents(&self, node: Node<'_, '_>, name: &str) -> Result<Vec<Extent>, DescriptionError> {

@@ -92,7 +92,7 @@ impl Participant {
                 command.args(participant);
                 command
             }
-            Program::Fmu { file, options } => {
+            Program::Fmu { file, options, .. } => {
                 let mut command = own_program();
                 command.arg("participant").arg("--fmu").arg(file);
                 command.arg("--options").arg(options);
