@@ -106,6 +106,21 @@ impl CommonArgs {
         Some(Duration::try_from_secs_f64(time.seconds()).unwrap_or(Duration::ZERO))
     }
 
+    /// The value of `--patience`, s; by default that of the engine.
+    pub fn patience_s(&self) -> f64 {
+        let default = || run::Options::default().patience_s;
+        self.patience.map_or_else(default, Rational::seconds)
+    }
+
+    /// The warning about `--patience` for a run in one process, where nothing can end a step that does not come back.
+    pub fn patience_in_process(&self) -> Option<String> {
+        let patience = self.patience?;
+        Some(format!(
+            "--patience {patience} has no effect on a run in one process, where a step that does not come back cannot be ended: run its \
+             participants in processes"
+        ))
+    }
+
     /// Refuses to replace the run in `source`, from which this run is made.
     ///
     /// # Errors
@@ -193,10 +208,11 @@ pub struct CommonArgs {
     /// Print no progress and no result; only the exit code tells the result
     #[arg(long)]
     pub quiet: bool,
-    /// End the run when no participant has made progress for this long, wall-clock time; the time during which the orchestrator itself was
-    /// suspended does not count. Not used while a replay waits for a debugger
-    #[arg(long, value_name = "TIME", default_value = "60 s", value_parser = span)]
-    pub patience: Rational,
+    /// End the run when no participant has made progress for this long, wall-clock time (60 s by default); the time during which the
+    /// orchestrator itself was suspended does not count. No effect in one process, where a step that does not return cannot be ended, and
+    /// while a replay waits for a debugger
+    #[arg(long, value_name = "TIME", value_parser = span)]
+    pub patience: Option<Rational>,
     /// How long each program may take to enter the run and to answer a request, instead of the value in the scenario (by
     /// default 20 s)
     #[arg(long, value_name = "TIME", value_parser = span)]

@@ -8,16 +8,24 @@
 //! Messages contain text from other programs: reasons, last lines of logs, names. The engine sanitises it where it enters a
 //! message, and [`Heard`] replaces the control characters in all output of this program.
 //!
+//! Foreign code in this process, an FMU or a plug-in, may print to standard output as well. Where that would spoil what this program
+//! says there ([`keep_apart`]), the program keeps standard output for itself, and all other code has standard error in its place.
+//!
 //! SIGPIPE stays ignored, as set by the standard library, so that a write to a dead participant is an error to be handled;
 //! child processes get the default back, as every program expects.
 
 use std::borrow::Cow;
 use std::fmt::Arguments;
+use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, StderrLock, StdoutLock, Write};
+use std::os::fd::AsFd;
 use std::sync::OnceLock;
 
 /// The first error of writing to standard output.
 static UNWRITTEN: OnceLock<String> = OnceLock::new();
+
+/// Standard output, once other code of this process no longer has it.
+static APART: OnceLock<File> = OnceLock::new();
 
 macro_rules! println {
     ($($text:tt)*) => { $crate::output::line(&mut $crate::output::stdout(), format_args!($($text)*)) };
@@ -104,10 +112,57 @@ impl<W: Write> Write for Heard<W> {
     }
 }
 
+/// Standard output of this program.
+pub enum Own {
+    /// The one of the process.
+    Shared(StdoutLock<'static>),
+    /// The program's alone.
+    Apart(&'static File),
+}
+
+impl Write for Own {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Own::Shared(to) => to.write(bytes),
+            Own::Apart(to) => to.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Own::Shared(to) => to.flush(),
+            Own::Apart(to) => to.flush(),
+        }
+    }
+}
+
+/// From now on, until the process ends, standard output is this program's alone: what foreign code in this process prints goes to
+/// standard error. It is never given back, because the C library writes what it has buffered at the very end.
+pub fn keep_apart() {
+    if APART.get().is_some() {
+        return;
+    }
+    let _ = io::stdout().flush();
+    // Where one of the streams is closed there is nothing to be kept apart.
+    if let Ok(own) = io::stdout().as_fd().try_clone_to_owned()
+        && rustix::stdio::dup2_stdout(io::stderr().as_fd()).is_ok()
+    {
+        let _ = APART.set(own.into());
+    }
+}
+
+/// Standard output as it is: a reader that is gone is an error.
+pub fn own() -> Own {
+    match APART.get() {
+        Some(own) => Own::Apart(own),
+        None => Own::Shared(io::stdout().lock()),
+    }
+}
+
 /// Standard output.
-pub fn stdout() -> Heard<StdoutLock<'static>> {
+pub fn stdout() -> Heard<Own> {
     Heard {
-        to: io::stdout().lock(),
+        to: own(),
         unwritten: Some(&UNWRITTEN),
     }
 }

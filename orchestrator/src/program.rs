@@ -158,8 +158,10 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         Command::Import(args) => Ok(commands::import::run(args)),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::CampaignWorker => {
+            // Its answers are for the program that has started it.
+            output::keep_apart();
             let tasks = std::io::BufReader::new(std::io::stdin());
-            engine::campaign::serve(catalogue::catalogue(), tasks, std::io::stdout())
+            engine::campaign::serve(catalogue::catalogue(), tasks, output::own())
                 .map(|()| 0)
                 .map_err(Into::into)
         }

@@ -14,7 +14,7 @@ typedef struct {
     char marker[256];
 } Model;
 
-enum { FINE, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LITTER, FICKLE, CRASH_ONCE, WARN };
+enum { FINE, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LITTER, FICKLE, CRASH_ONCE, WARN, UNSAVED, PRINT };
 
 #ifndef FAULT
 #define FAULT FINE
@@ -52,6 +52,7 @@ static int step(Model *m, double t, double h) {
     case DISCARD: return 2;
     case FATAL: return 4;
     case WARN: return 1;
+    case PRINT: printf("{ the spring prints\n"); break;
     case LITTER: { FILE *f = fopen("litter.txt", "w"); if (f) { fputs("litter", f); fclose(f); } break; }
     case FICKLE: x[1] += 1e-9 * getpid(); break;
     case CRASH_ONCE:

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use escapement_tests::fmus::{Recipe, archive, unpacked};
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, text};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, text};
 
 /// A run of the FMU `file` alone, with a separate folder for temporary files, which is empty afterwards.
 fn run(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
@@ -86,6 +86,50 @@ fn exit_in_the_program_is_a_failure_that_names_the_fmu() {
 }
 
 #[test]
+fn unpacked_fmu_of_a_dead_process_goes_with_the_next_run_in_processes() {
+    let folder = Folder::new("unpacked");
+    let file = Recipe {
+        fault: "EXIT",
+        ..Recipe::new(2)
+    }
+    .build(&folder, "bad");
+    let temporary = folder.path().join("temporary");
+    ended(&folder, &file, "run.ports.inputs = []", &["--in-process"]);
+    assert_eq!(unpacked(&temporary).len(), 1);
+    let there = |arguments: &[&str]| {
+        let mut command = Command::new(orchestrator());
+        command
+            .args(arguments)
+            .current_dir(folder.path())
+            .env("TMPDIR", &temporary);
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let said = finish(command.spawn().expect("the program can be started"));
+        assert_eq!(said.code, Some(0), "{said:?}");
+        said
+    };
+    let said = there(&["doctor"]);
+    assert!(said.out.contains("left an unpacked FMU in"), "{said:?}");
+    assert!(
+        said.out.contains("so does the next run with participants in processes"),
+        "{said:?}"
+    );
+    let springs = root().join("orchestrator/src/templates/spring.toml");
+    there(&[
+        "run",
+        text(&springs),
+        "--duration",
+        "50 ms",
+        "--out",
+        "springs",
+        "--quiet",
+    ]);
+    assert_eq!(unpacked(&temporary), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
 fn warnings_are_in_the_participants_log_wherever_it_runs() {
     for version in [2, 3] {
         let folder = Folder::new("warns");
@@ -120,6 +164,51 @@ fn endless_step_is_ended_by_patience() {
     let said = run(&folder, &file, "run.ports.inputs = []", &["--patience", "1s"]);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.err.contains("`it`"), "{said:?}");
+}
+
+#[test]
+fn fmu_that_cannot_be_saved_is_told_the_remedy_of_an_fmu() {
+    for version in [2, 3] {
+        let folder = Folder::new("unsaved");
+        let file = Recipe {
+            fault: "UNSAVED",
+            ..Recipe::new(version)
+        }
+        .build(&folder, "bad");
+        for more in [&[][..], &["--in-process"]] {
+            let arguments = [&["--checkpoint-at", "0.7 s"], more].concat();
+            let said = run(&folder, &file, "run.ports.inputs = []", &arguments);
+            assert_eq!(said.code, Some(1), "{said:?}");
+            for part in ["`it`: cannot save its state", "its log says why", "canSerializeFMU"] {
+                assert!(said.err.contains(part), "`{part}`: {said:?}");
+            }
+            assert!(!said.err.contains("implement"), "{said:?}");
+            let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
+            assert!(log.contains("the state of the FMU cannot be saved"), "{log}");
+        }
+    }
+}
+
+#[test]
+fn fmu_that_prints_does_not_spoil_a_result_in_one_process() {
+    for version in [2, 3] {
+        let folder = Folder::new("prints");
+        let file = Recipe {
+            fault: "PRINT",
+            ..Recipe::new(version)
+        }
+        .build(&folder, "prints");
+        let said = run(&folder, &file, "run.ports.inputs = []", &["--in-process", "--json"]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(said.json()["ending"]["status"], "complete", "{said:?}");
+        assert!(said.err.contains("{ the spring prints"), "{said:?}");
+        // The workers of a campaign answer on their standard output.
+        let scenario = folder.path().join("bad.toml");
+        let out = folder.path().join("campaign");
+        let vary = "participants.it.parameters.mass=1 kg,2 kg";
+        let said = orchestrate(&["sweep", text(&scenario), "--vary", vary, "--out", text(&out)]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
 }
 
 #[test]

@@ -102,6 +102,64 @@ fn fmus_wired_by_fields_have_the_tape_of_fmus_wired_by_ports() {
     assert_eq!(bits(&run, "damper.outputs", "f"), bits(&plain, "damper.outputs", "f"));
 }
 
+/// A Reference FMU has the alias `h_ft` of `h`.
+#[test]
+fn alias_of_a_variable_names_its_field() {
+    let folder = Folder::new("fields-alias");
+    let file = |model: &str| root().join(format!("tests/fmus/reference/fmi3/{model}.fmu"));
+    let (ball, gauge) = (file("BouncingBall"), file("Feedthrough"));
+    let scenario = |name: &str, start: &str, wire: &str| {
+        let text = format!(
+            "duration = \"1 s\"\n[participants.ball]\nperiod = \"10 ms\"\nrun.fmu = \"{}\"\nparameters = {{ {start} = \"2 m\" }}\n\
+             [participants.gauge]\nperiod = \"0.1 s\"\n\
+             run = {{ fmu = \"{}\", ports = {{ inputs = [\"Float64_continuous_input\"] }} }}\n[connections.where]\n{wire}\n",
+            text(&ball),
+            text(&gauge)
+        );
+        folder.write(&format!("{name}.toml"), &text)
+    };
+    let map = |field: &str| {
+        format!(
+            "from = \"ball.outputs\"\nto = \"gauge.inputs\"\n\
+             map = {{ Float64_continuous_input = {{ from = \"{field}\", factor = \"1 1/m\" }} }}"
+        )
+    };
+    let ends = "from = \"ball.outputs.h_ft\"\nto = \"gauge.inputs.Float64_continuous_input\"\nfactor = \"1 1/m\"";
+    let own = folder.path().join("own");
+    ran(&scenario("own", "h", &map("h")), &own, &[]);
+    assert_eq!(values(&own, "ball.outputs", "h")[0], 2.0);
+    for (name, start, wire) in [("map", "h_ft", map("h_ft").as_str()), ("ends", "h", ends)] {
+        for way in [&[][..], &["--in-process"]] {
+            let out = folder.path().join(format!("{name}{}", way.len()));
+            ran(&scenario(name, start, wire), &out, way);
+            same(&own, &out);
+        }
+    }
+    for (wire, words) in [
+        (
+            map("h").replace("map", "initial = { Float64_continuous_input = 0.5 }\nmap"),
+            None,
+        ),
+        (map("h_fd"), Some("no field or element `h_fd`")),
+    ] {
+        let said = orchestrate(&["check", text(&scenario("checked", "h", &wire))]);
+        assert_eq!(said.code, Some(if words.is_some() { 2 } else { 0 }), "{said:?}");
+        assert!(words.is_none_or(|words| said.err.contains(words)), "{said:?}");
+    }
+    // Two names of one value are one value.
+    let twice = scenario("twice", "h = \"1 m\", h_ft", &map("h"));
+    let said = orchestrate(&["check", text(&twice)]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in [
+        "twice.toml:5: participants.ball.parameters.h_ft",
+        "`h` and `h_ft` are one value",
+    ] {
+        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+    }
+    let said = orchestrate(&["fmu", "inspect", text(&ball)]);
+    assert!(said.out.contains("also `h_ft` (Position in feet)"), "{said:?}");
+}
+
 #[test]
 fn fmu_in_other_units_moves_a_plug_in_and_a_builtin_alike() {
     let folder = Folder::new("fields-units");

@@ -86,6 +86,88 @@ fn a_program_of_an_option_is_looked_for_where_the_command_is_given() {
 }
 
 #[test]
+fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
+    let folder = Folder::new("taken-over");
+    let file = springs(&folder);
+    let refuses = "the builtin `controller` refuses `participants.left.parameters";
+    for option in ["--substitute", "--shadow"] {
+        let given = format!("given with {option}");
+        let out = folder.path().join("out");
+        let said = orchestrate(&[
+            "run",
+            text(&file),
+            "--out",
+            text(&out),
+            option,
+            "left=builtin:controller",
+        ]);
+        refused(
+            &said,
+            &["m.toml: participants.left.run: ", refuses, "(line ", &given],
+            &[],
+        );
+        assert!(!out.exists(), "nothing is written");
+    }
+    let spring = std::fs::read_to_string(&file).expect("the scenario is there");
+    let policy = "on-failure = { substitute = { builtin = \"controller\" } }";
+    let part = "period = \"1 ms\"";
+    assert!(spring.contains(part), "{spring}");
+    let policy = folder.write("policy.toml", &spring.replacen(part, &format!("{part}\n{policy}"), 1));
+    let said = orchestrate(&["check", text(&policy)]);
+    refused(
+        &said,
+        &[
+            "policy.toml:",
+            "participants.left.on-failure.substitute: ",
+            refuses,
+            "(line ",
+        ],
+        &[],
+    );
+    let fault =
+        "[[faults]]\nat = \"0.1 s\"\nsubstitute = \"left\"\nstate = \"cold\"\nrun = { builtin = \"controller\" }\n";
+    let fault = folder.write("fault.toml", &format!("{spring}\n{fault}"));
+    let said = orchestrate(&["check", text(&fault)]);
+    refused(&said, &["fault.toml:", "faults.fault-1.run: ", refuses, "(line "], &[]);
+}
+
+#[test]
+fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
+    let folder = Folder::new("of-its-own");
+    let file = springs(&folder);
+    let out = folder.path().join("out");
+    let mut run = vec!["run", text(&file), "--out", text(&out), "--in-process"];
+    run.extend(["--set", "participants.left.run={ exe = \"true\" }"]);
+    let parts = [
+        "participants.left.run: participant `left` is a program of its own, `true`",
+        "leave out --in-process",
+        "given with --set",
+    ];
+    refused(&orchestrate(&run), &parts, &[]);
+    assert!(!out.exists(), "nothing is written");
+}
+
+#[test]
+fn patience_is_warned_of_where_it_has_no_effect() {
+    let folder = Folder::new("no-patience");
+    let file = springs(&folder);
+    let warning = "warning: --patience 5 s has no effect on a run in one process";
+    for (number, (more, warned)) in [
+        (&["--patience", "5 s", "--in-process"][..], true),
+        (&["--patience", "5 s"], false),
+        (&["--in-process"], false),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let out = folder.path().join(number.to_string());
+        let said = orchestrate(&[&["run", text(&file), "--out", text(&out)], more].concat());
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(said.err.contains(warning), warned, "{said:?}");
+    }
+}
+
+#[test]
 fn a_file_that_cannot_be_read_is_a_refusal_that_is_told_once() {
     let nothing = Folder::new("read-once").path().join("nothere");
     let nothing = |ending: &str| nothing.with_extension(ending);

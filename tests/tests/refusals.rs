@@ -87,6 +87,30 @@ fn a_missing_connection() {
 }
 
 #[test]
+fn samples_in_flight_beyond_the_limit_name_the_longest_part_of_the_delay() {
+    refused(
+        "delay = \"0 ms\"\n\n[assessment]",
+        "delay = \"1 ms\"\njitter = \"9 h\"\n\n[assessment]",
+        &["connections.command.jitter", "shorten its jitter of 32400 s"],
+    );
+    refused_with(
+        "connections.command.delay=\"9 h\"",
+        &["connections.command.delay", "shorten its delay of 32400 s"],
+    );
+    let scenario = root().join("scenarios/close.toml");
+    let fault = "connection=command,at=1 s,extra-delay=9 h";
+    let said = orchestrate(&["check", text(&scenario), "--fault", fault]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in [
+        "faults.fault-1.extra-delay",
+        "shorten the extra delay of 32400 s of the fault `fault-1`",
+        "given with --fault",
+    ] {
+        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+    }
+}
+
+#[test]
 fn a_file_that_is_not_there() {
     refused(
         "servicer.urdf",

@@ -229,6 +229,62 @@ fn system_of_another_kind_is_its_scenario_too() {
     );
 }
 
+/// Connectors and parameters by an alias: the generated scenario has the variable's own name.
+#[test]
+fn alias_is_the_variable_that_it_names() {
+    let folder = Folder::new("ssp-alias");
+    let system = |values: &str| {
+        format!(
+            r#"<ssd:Connectors><ssd:Connector name="height" kind="output"/></ssd:Connectors>
+<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="p"><ssv:Parameters>
+{values}
+</ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>
+<ssd:Elements><ssd:Component name="ball" source="ball.fmu"><ssd:Connectors><ssd:Connector name="h_ft" kind="output"/></ssd:Connectors>
+</ssd:Component><ssd:Component name="gauge" source="gauge.fmu"><ssd:Connectors>
+<ssd:Connector name="Float64_continuous_input" kind="input"/></ssd:Connectors></ssd:Component></ssd:Elements>
+<ssd:Connections>
+<ssd:Connection startElement="ball" startConnector="h_ft" endElement="gauge" endConnector="Float64_continuous_input"/>
+<ssd:Connection startElement="ball" startConnector="h_ft" endConnector="height"/></ssd:Connections>"#
+        )
+    };
+    let fmu = |model: &str| read(&root().join(format!("tests/fmus/reference/fmi3/{model}.fmu")));
+    let files = [("ball.fmu", fmu("BouncingBall")), ("gauge.fmu", fmu("Feedthrough"))];
+    let rest = r#"<ssd:DefaultExperiment startTime="0" stopTime="1"/>"#;
+    let value = |name: &str| format!(r#"<ssv:Parameter name="ball.{name}"><ssv:Real value="2"/></ssv:Parameter>"#);
+    let twice = package(
+        &folder,
+        &description(&system(&(value("h") + &value("h_ft"))), rest),
+        &files,
+    );
+    let said = import(&folder, &twice, &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err
+            .contains("`h` of the FMU has a value already, by another of its names"),
+        "{said:?}"
+    );
+    let package = package(&folder, &description(&system(&value("h_ft")), rest), &files);
+    let said = import(&folder, &package, &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    is_what_is_written_by_hand(
+        &folder,
+        r#"
+        duration = "1 s"
+        [participants.ball]
+        period = "10 ms"
+        run.fmu = "fmus/ball.fmu"
+        parameters = { h = "2 m" }
+        [participants.gauge]
+        period = "100 ms"
+        run = { fmu = "fmus/gauge.fmu", ports = { inputs = ["Float64_continuous_input"] } }
+        [connections.height]
+        from = "ball.outputs.h"
+        to = "gauge.inputs.Float64_continuous_input"
+        factor = "1 1/m"
+        "#,
+    );
+}
+
 /// The example of the documentation, which is a folder.
 #[test]
 fn unpacked_system_is_imported_too() {

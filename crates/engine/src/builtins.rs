@@ -92,7 +92,7 @@ impl Builtins {
     pub fn factory_of(&self, program: &Program) -> Option<Factory> {
         match program {
             Program::Builtin(name) => self.factory(name).cloned(),
-            Program::Fmu { file, options } => {
+            Program::Fmu { file, options, .. } => {
                 let (file, options) = (file.clone(), options.clone());
                 Some(Arc::new(move |setup: &Setup| {
                     fmu::participant(&file, &options, setup, false)

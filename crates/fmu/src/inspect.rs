@@ -1,5 +1,6 @@
 //! Inspection of an FMU before it runs, and a scenario entry for it. No code of the FMU is executed.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -38,6 +39,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
         }
     }
     let _ = writeln!(text, "  platforms: {}", model.platforms().join(", "));
+    experiment(about, &mut text);
     abilities(&model, &mut text);
     let mut problems = about.problems.clone();
     let settings = Settings::read(about, &toml::Table::new());
@@ -53,6 +55,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
         }
         Err(error) => problems.push(error.reason.clone()),
     }
+    problems.extend(layout.iter().flat_map(|layout| taken_for_padding(about, layout)));
     parameters(&model, &mut text);
     let library = model.library();
     if let Err(error) = &library {
@@ -90,9 +93,26 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
     }
     Ok(Inspection {
         text,
-        scenario: scenario(&model, file),
+        scenario: scenario(about, file),
         usable: library.is_ok() && layout.is_ok(),
     })
+}
+
+/// Notes on variables whose fields look like padding: the layout gives its own padding a name that no variable has.
+fn taken_for_padding(about: &Description, layout: &Layout) -> Vec<String> {
+    let own = &layout.interface;
+    let inputs = own.inputs.iter().map(|port| &port.descriptor);
+    let all = inputs.chain(own.outputs.iter().map(|port| &port.descriptor));
+    let fields = all.flat_map(|descriptor| &descriptor.fields);
+    let named = fields.filter(|field| field.is_padding() && about.variable(&field.name).is_some());
+    let note = |field: &lockstep::port::Field| {
+        format!(
+            "`{0}` is called like padding, which connections by name and exports leave out: give its field another name in `ports`, \
+             {{ name = \"NAME\", variable = \"{0}\" }}",
+            field.name
+        )
+    };
+    named.map(note).collect()
 }
 
 /// Plans the ports of an FMU from its description alone; the resulting interface is valid, or the FMU is rejected.
@@ -101,6 +121,25 @@ pub fn look(description: &Description) {
         .and_then(|settings| Layout::new(description, &Options::default(), &settings));
     if let Ok(layout) = planned {
         assert_eq!(layout.interface.validate(), Ok(()));
+    }
+}
+
+/// The default experiment, and what a run cannot take over from it.
+fn experiment(about: &Description, text: &mut String) {
+    let own = &about.experiment;
+    let times = [("from", own.start), ("to", own.stop), ("in steps of", own.step)];
+    let given = times
+        .iter()
+        .filter_map(|(words, time)| Some(format!(" {words} {} s", (*time)?)));
+    let given: String = given.collect();
+    if !given.is_empty() {
+        let _ = writeln!(text, "  default experiment:{given}");
+    }
+    if let Some(start) = own.start.filter(|start| *start < 0.0) {
+        let _ = writeln!(
+            text,
+            "  a run starts at 0 s or later, and not at {start} s: the scenario below starts at 0 s"
+        );
     }
 }
 
@@ -147,8 +186,19 @@ fn ports(model: &Model, direction: &str, name: &str, fields: &[lockstep::port::F
             if !variable.text.is_empty() {
                 let _ = write!(text, " — {}", variable.text);
             }
+            also(variable, text);
         }
         text.push('\n');
+    }
+}
+
+/// The aliases of a variable.
+fn also(variable: &Variable, text: &mut String) {
+    for alias in &variable.aliases {
+        let _ = write!(text, "; also `{}`", alias.name);
+        if !alias.text.is_empty() {
+            let _ = write!(text, " ({})", alias.text);
+        }
     }
 }
 
@@ -170,6 +220,7 @@ fn parameters(model: &Model, text: &mut String) {
         if !one.text.is_empty() {
             let _ = write!(text, " — {}", one.text);
         }
+        also(one, text);
         text.push('\n');
     }
 }
@@ -177,15 +228,26 @@ fn parameters(model: &Model, text: &mut String) {
 /// A suitable period for the FMU, s: the step of its default experiment, else 10 ms, rounded to a multiple of its own step
 /// where that is fixed.
 pub fn period(about: &Description) -> f64 {
-    let wanted = about.experiment.step.filter(|step| *step > 0.0).unwrap_or(0.01);
+    let wanted = about.experiment.step.unwrap_or(0.01);
     match about.abilities.fixed_step {
         Some(own) => own * (wanted / own).round().max(1.0),
         None => wanted,
     }
 }
 
-fn scenario(model: &Model, file: &Path) -> String {
-    let about = &model.description;
+/// The first instant and the end of a suitable run of the FMU, s: those of its default experiment, else 0 s and 10 s later. A run
+/// does not start before 0 s; an experiment that does is moved there.
+pub fn span(about: &Description) -> (f64, f64) {
+    let start = about.experiment.start.unwrap_or(0.0);
+    let first = start.max(0.0);
+    match about.experiment.stop {
+        Some(stop) if start < 0.0 => (first, stop - start),
+        Some(stop) => (first, stop),
+        None => (first, first + 10.0),
+    }
+}
+
+fn scenario(about: &Description, file: &Path) -> String {
     let name: String = about
         .model
         .chars()
@@ -204,17 +266,17 @@ fn scenario(model: &Model, file: &Path) -> String {
         name.trim_matches('-')
     };
     let quoted = |text: &str| Value::String(text.to_owned()).to_string();
-    let start = about.experiment.start.unwrap_or(0.0);
-    let duration = about
-        .experiment
-        .stop
-        .map(|stop| stop - start)
-        .filter(|span| *span > 0.0)
-        .unwrap_or(10.0);
+    // The duration is the end of the run.
+    let (first, end) = span(about);
+    let offset = if first > 0.0 {
+        format!("offset = \"{first} s\"\n")
+    } else {
+        String::new()
+    };
     let path = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
     let path = path.to_string_lossy();
     let mut text = format!(
-        "title = {}\nduration = \"{duration} s\"\n\n[participants.{name}]\nperiod = \"{} s\"\nrun.fmu = {}\n",
+        "title = {}\nduration = \"{end} s\"\n\n[participants.{name}]\nperiod = \"{} s\"\n{offset}run.fmu = {}\n",
         quoted(&about.model),
         period(about),
         quoted(&path)
@@ -237,13 +299,15 @@ fn scenario(model: &Model, file: &Path) -> String {
     text
 }
 
-/// The first parameters with their start values, as written in a scenario.
+/// The first parameters with their start values, as written in a scenario; of several that are one value, the first.
 pub fn written(about: &Description) -> Vec<(String, Value)> {
+    let mut values = BTreeSet::new();
     let own = about
         .variables
         .iter()
         .filter(|one| one.causality == Causality::Parameter && one.settable().is_ok());
-    own.filter_map(|one| Some((one.name.clone(), start(about, one)?)))
+    own.filter(|one| values.insert(about.value_of(one)))
+        .filter_map(|one| Some((one.name.clone(), start(about, one)?)))
         .take(20)
         .collect()
 }
@@ -269,4 +333,91 @@ fn start(about: &Description, one: &Variable) -> Option<Value> {
             .parse()
             .map_or_else(|_| Value::String(start.clone()), Value::Integer),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn described(more: &str, variables: &str) -> Description {
+        let text = format!(
+            "<fmiModelDescription fmiVersion='3.0' modelName='m' instantiationToken='t'><CoSimulation modelIdentifier='m'/>{more}\
+             <ModelVariables>{variables}</ModelVariables><ModelStructure/></fmiModelDescription>"
+        );
+        Description::read(&text).expect("it is a description")
+    }
+
+    #[test]
+    fn scenario_has_the_times_of_the_default_experiment() {
+        let file = Path::new("/m.fmu");
+        for (attributes, lines, told) in [
+            (
+                "startTime='5' stopTime='8' stepSize='0.5'",
+                &["duration = \"8 s\"", "offset = \"5 s\"", "period = \"0.5 s\""][..],
+                "default experiment: from 5 s to 8 s in steps of 0.5 s",
+            ),
+            (
+                "startTime='20'",
+                &["duration = \"30 s\"", "offset = \"20 s\""],
+                "from 20 s",
+            ),
+            (
+                "startTime='-2' stopTime='3'",
+                &["duration = \"5 s\""],
+                "a run starts at 0 s or later, and not at -2 s",
+            ),
+            (
+                "startTime='0' stopTime='3'",
+                &["duration = \"3 s\"", "period = \"0.01 s\""],
+                "from 0 s to 3 s",
+            ),
+        ] {
+            let about = described(&format!("<DefaultExperiment {attributes}/>"), "");
+            assert_eq!(about.problems, Vec::<String>::new());
+            let text = scenario(&about, file);
+            for line in lines {
+                assert!(text.lines().any(|one| one == *line), "`{line}` is not in {text}");
+            }
+            assert_eq!(
+                text.contains("offset"),
+                lines[1..].iter().any(|line| line.contains("offset")),
+                "{text}"
+            );
+            let mut shown = String::new();
+            experiment(&about, &mut shown);
+            assert!(shown.contains(told), "{shown}");
+        }
+    }
+
+    #[test]
+    fn times_of_a_default_experiment_that_mean_nothing_are_noted_and_not_used() {
+        for (attributes, note) in [
+            ("stepSize='0'", "`stepSize` is 0 s, which is not positive"),
+            ("stepSize='-0.1'", "`stepSize` is -0.1 s, which is not positive"),
+            (
+                "startTime='4' stopTime='4'",
+                "`stopTime` is 4 s, which is not after the start at 4 s",
+            ),
+        ] {
+            let about = described(&format!("<DefaultExperiment {attributes}/>"), "");
+            assert_eq!(about.problems.len(), 1, "{:?}", about.problems);
+            assert!(about.problems[0].contains(note), "{:?}", about.problems);
+            assert_eq!((about.experiment.step, about.experiment.stop), (None, None));
+            assert_eq!(period(&about), 0.01);
+        }
+    }
+
+    #[test]
+    fn variable_that_looks_like_padding_is_noted() {
+        let about = described(
+            "",
+            "<Float64 name='x' valueReference='1' causality='output'/>\
+             <UInt8 name='padding' valueReference='2' causality='output'/>\
+             <UInt8 name='paddingCount' valueReference='3' causality='output'/>",
+        );
+        let layout = Layout::new(&about, &Options::default(), &Settings::default()).expect("it has ports");
+        let notes = taken_for_padding(&about, &layout);
+        assert_eq!(notes.len(), 1, "{notes:?}");
+        assert!(notes[0].contains("`padding` is called like padding") && notes[0].contains("variable = \"padding\""));
+    }
 }

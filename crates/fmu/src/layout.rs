@@ -4,6 +4,7 @@ use lockstep::participant::{Input, Inputs, Interface, Kind, Output, Outputs, Par
 use lockstep::port::{Descriptor, Element, Field};
 
 use crate::abi::{Native, Values};
+use crate::aliases::Aliases;
 use crate::description::{Causality, Conversion, Description, Type, Variable, Version};
 use crate::items::Items;
 use crate::names::unknown;
@@ -29,6 +30,8 @@ pub struct Layout {
     pub inputs: Vec<Transfer>,
     /// The transfers that read values after a step.
     pub outputs: Vec<Transfer>,
+    /// The other names of fields that have the names of their variables.
+    pub aliases: Aliases,
 }
 
 /// Maximum size of a text, bytes, unless the scenario sets it.
@@ -151,6 +154,7 @@ impl Layout {
                 interface: Interface::new(kind),
                 inputs: Vec::new(),
                 outputs: Vec::new(),
+                aliases: Aliases::default(),
             },
         };
         let mut named = [options.ports.contains_key(INPUTS), options.ports.contains_key(OUTPUTS)];
@@ -220,7 +224,7 @@ impl Layout {
 impl<'a> Planner<'a> {
     fn variable(&self, name: &str) -> Result<&'a Variable, String> {
         let description = self.description;
-        let known = description.variables.iter().map(|one| one.name.as_str());
+        let known = description.variables.iter().flat_map(Variable::names);
         description.variable(name).ok_or_else(|| unknown(name, known))
     }
 
@@ -361,6 +365,7 @@ impl<'a> Planner<'a> {
         } else {
             self.layout.interface.outputs.len()
         };
+        self.other_names(name, &fields);
         let mut offset = 0_usize;
         let mut largest = 1;
         let mut described = Vec::new();
@@ -412,6 +417,20 @@ impl<'a> Planner<'a> {
             interface.outputs.push(Output { name, descriptor });
         }
         Ok(())
+    }
+
+    /// A field that has one name of its variable has the others too, unless another field has them.
+    fn other_names(&mut self, port: &str, fields: &[Planned<'a>]) {
+        let taken = |name: &str| fields.iter().any(|planned| planned.field.name == name);
+        for planned in fields {
+            let field = &planned.field.name;
+            if let [variable] = planned.variables[..]
+                && variable.names().any(|name| name == field)
+            {
+                let others = variable.names().filter(|&name| !taken(name));
+                others.for_each(|name| self.layout.aliases.add(port, name, field));
+            }
+        }
     }
 
     fn slots(&mut self, input: bool, port: usize, planned: &Planned<'a>) -> Result<(), String> {

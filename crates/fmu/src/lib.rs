@@ -5,6 +5,7 @@
 //! in an FMU is native code with all rights of its process, so a run gives it a separate process.
 
 mod abi;
+mod aliases;
 mod description;
 mod draft;
 mod history;
@@ -22,12 +23,13 @@ mod transfer;
 mod zip;
 
 pub use abi::to_standard_error;
+pub use aliases::Aliases;
 pub use description::{
-    Abilities, BASE_UNITS, BaseUnit, Causality, Conversion, Description, DescriptionError, Experiment, Extent, Initial,
-    Item, Range, Type, Unit, Variability, Variable, Version,
+    Abilities, Alias, BASE_UNITS, BaseUnit, Causality, Conversion, Description, DescriptionError, Experiment, Extent,
+    Initial, Item, Range, Type, Unit, Variability, Variable, Version,
 };
 pub use draft::{Draft, Names, Part, Wire, together};
-pub use inspect::{Inspection, inspect, look, period, written};
+pub use inspect::{Inspection, inspect, look, period, span, written};
 pub use layout::{INPUTS, OUTPUTS, RECORDED, element};
 pub use model::{FILE_MAX, FmuError, Model};
 pub use names::nearest;

@@ -6,6 +6,7 @@ use lockstep::participant::{Failure, Inputs, Interface, Log, Outputs, ParameterE
 use lockstep::wire;
 use serde::{Deserialize, Serialize};
 
+use crate::aliases::Aliases;
 use crate::history::History;
 use crate::instance::Running;
 use crate::layout::Layout;
@@ -52,16 +53,16 @@ struct Fmu {
     reached: f64,
 }
 
-/// Checks that `file` is an FMU that can run here, and that the other keys of `run` fit it.
+/// Checks that `file` is an FMU that can run here, and that the other keys of `run` fit it. Returns the other names of its fields.
 ///
 /// # Errors
 /// Names the key below `run`.
-pub fn check(file: &Path, options: &toml::Table) -> Result<(), ParameterError> {
+pub fn check(file: &Path, options: &toml::Table) -> Result<Aliases, ParameterError> {
     let options = Options::read(options)?;
     let model = open(file)?;
     // Extents of arrays may depend on parameters, which are not known here.
     let settings = Settings::read(&model.description, &toml::Table::new())?;
-    Layout::new(&model.description, &options, &settings).map(drop)
+    Layout::new(&model.description, &options, &settings).map(|layout| layout.aliases)
 }
 
 fn open(file: &Path) -> Result<Model, ParameterError> {

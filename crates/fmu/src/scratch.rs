@@ -1,7 +1,8 @@
 //! Scratch folders: the private folder on disk in which an FMU is unpacked, and the clean-up after dead processes.
 //!
 //! A lock on a file in the folder shows that its process is alive; the kernel releases it however the process ends. A
-//! folder without a lock can therefore be removed: creating a new folder does so, and `doctor --remove`.
+//! folder without a lock can therefore be removed: creating a new folder does so, and every run with participants in processes, and
+//! `doctor --remove`.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;

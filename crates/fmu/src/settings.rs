@@ -62,8 +62,11 @@ impl Settings {
     /// # Errors
     /// Names the key, the value, and the allowed values.
     pub fn read(description: &Description, table: &Table) -> Result<Settings, ParameterError> {
-        let mut given = BTreeMap::new();
-        flatten(description, ("", ""), table, &mut given)?;
+        let mut given = Vec::new();
+        flatten(description, ("", ""), table, &mut given);
+        once(description, &given)?;
+        // The order in which the FMU gets them does not depend on how they are written.
+        given.sort_by(|one, other| one.name.cmp(&other.name));
         let mut settings = Settings::default();
         for variable in &description.variables {
             if variable.causality == Causality::StructuralParameter
@@ -74,11 +77,11 @@ impl Settings {
         }
         // Structural parameters first, because extents of arrays depend on them.
         for structural in [true, false] {
-            for (name, (_, value)) in &given {
+            for Given { name, value, .. } in &given {
                 let found = description.variable(name);
                 let variable = found.ok_or_else(|| {
                     let known = description.variables.iter().filter(|one| one.settable().is_ok());
-                    ParameterError::new(name, unknown(name, known.map(|one| one.name.as_str())))
+                    ParameterError::new(name, unknown(name, known.flat_map(Variable::names)))
                 })?;
                 if structural == (variable.causality == Causality::StructuralParameter) {
                     settings
@@ -177,13 +180,17 @@ impl Settings {
     }
 }
 
-/// Variables by their full names, with their keys as written: a table is a group of variables unless a variable has its name.
-fn flatten<'a>(
-    description: &Description,
-    above: (&str, &str),
-    table: &'a Table,
-    given: &mut BTreeMap<String, (String, &'a Value)>,
-) -> Result<(), ParameterError> {
+/// A value that the scenario gives.
+struct Given<'a> {
+    /// The full name of the variable, its own or an alias.
+    name: String,
+    /// The key as written.
+    written: String,
+    value: &'a Value,
+}
+
+/// All values that are given: a table is a group of variables unless a variable has its name.
+fn flatten<'a>(description: &Description, above: (&str, &str), table: &'a Table, given: &mut Vec<Given<'a>>) {
     for (name, value) in table {
         let (name, written) = if above.0.is_empty() {
             (name.clone(), key(name))
@@ -192,17 +199,33 @@ fn flatten<'a>(
         };
         match value {
             Value::Table(inner) if description.variable(&name).is_none() && !inner.is_empty() => {
-                flatten(description, (&name, &written), inner, given)?;
+                flatten(description, (&name, &written), inner, given);
             }
-            _ => {
-                if let Some((other, before)) = given.get(&name) {
-                    let reason = format!(
-                        "it is given twice: `{other} = {before}` and `{written} = {value}`; remove one of them"
-                    );
-                    return Err(ParameterError::new(name, reason));
-                }
-                given.insert(name, (written, value));
-            }
+            _ => given.push(Given { name, written, value }),
+        }
+    }
+}
+
+/// Refuses a value that is given twice: under one name, or under two names of one value.
+fn once(description: &Description, given: &[Given<'_>]) -> Result<(), ParameterError> {
+    let mut named: BTreeMap<&str, &Given<'_>> = BTreeMap::new();
+    let mut values: BTreeMap<(Option<Type>, u32), &Given<'_>> = BTreeMap::new();
+    for one in given {
+        let before = named.insert(&one.name, one);
+        let before = before.or_else(|| {
+            let variable = description.variable(&one.name)?;
+            values.insert(description.value_of(variable), one)
+        });
+        if let Some(before) = before {
+            let names = match before.name == one.name {
+                true => String::new(),
+                false => format!(", because `{}` and `{}` are one value", before.name, one.name),
+            };
+            let reason = format!(
+                "it is given twice{names}: `{} = {}` and `{} = {}`; remove one of them",
+                before.written, before.value, one.written, one.value
+            );
+            return Err(ParameterError::new(&one.name, reason));
         }
     }
     Ok(())

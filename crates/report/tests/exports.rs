@@ -105,6 +105,41 @@ fn field_named_like_the_stamp_gets_a_column_of_its_own() {
 }
 
 #[test]
+fn padding_is_in_no_export() {
+    let filled = spec(
+        "filled",
+        &[
+            ("x", Element::F64, &[], "m"),
+            ("padding_2", Element::F32, &[], "1"),
+            ("n", Element::U8, &[], "1"),
+            ("padding", Element::U8, &[3], "1"),
+        ],
+    );
+    let (tape, folder) = (tape(vec![filled], 2), Scratch::new("padding"));
+    export::csv(&tape, &folder.0).unwrap();
+    export::parquet(&tape, &folder.0, &[]).unwrap();
+    export::mat(&tape, &folder.join("run.mat"), &[]).unwrap();
+    export::mcap(&tape, &folder.join("run.mcap"), None, &[], Compression::None).unwrap();
+    let files = files(&folder);
+    assert_eq!(header(&files, "a.filled.csv"), "t [s],x [m],padding_2 [1],n [1]");
+    // `padding_2` is a number with a meaning. Every format has its name, and no other name begins like it.
+    for (name, bytes) in &files {
+        let places = bytes.windows(7).enumerate().filter(|(_, part)| *part == b"padding");
+        let named: Vec<usize> = places.map(|(at, _)| at).collect();
+        assert!(!named.is_empty(), "{name}");
+        for at in named {
+            assert_eq!(&bytes[at + 7..at + 9], b"_2", "{name} at byte {at}");
+        }
+    }
+    let variables = &files["run.mat"][128..];
+    let stream = fields(elements(variables)[1].1);
+    let named: Vec<&str> = stream.iter().map(|(name, _)| &**name).collect();
+    assert_eq!(named, ["t", "x", "padding_2", "n", "info", "stream"]);
+    // The byte before the padding, of both samples.
+    assert_eq!(stream[3].1[3].1[..2], [12, 13]);
+}
+
+#[test]
 fn picture_is_as_large_in_every_export_as_on_the_tape() {
     let picture = || ("rgb", Element::U8, &[48, 64, 3][..], "1");
     let camera = spec("camera", &[("exposure", Element::F64, &[], "s"), picture()]);

@@ -104,7 +104,7 @@ impl<'a> System<'a> {
         for connector in &structure.elements[element].connectors {
             let shown = structure.shown(element, &connector.name);
             let Some(variable) = about.variable(&connector.name) else {
-                let known = about.variables.iter().map(|one| one.name.as_str());
+                let known = about.variables.iter().flat_map(Variable::names);
                 let mut reason = format!("the FMU has no variable for the connector `{shown}`");
                 if let Some(known) = fmu::nearest(&connector.name, known) {
                     reason += &format!("; did you mean `{known}`?");
@@ -167,7 +167,19 @@ impl<'a> System<'a> {
             };
             let way = [(bound.suppress, &bound.transformation, self.unit(*element, name))];
             match setting(about, variable, &bound.given, &way) {
-                Ok(value) => self.flat.settings[part].push((name.clone(), value)),
+                // Two names may mean one variable.
+                Ok(_)
+                    if self.flat.settings[part]
+                        .iter()
+                        .any(|(other, _)| *other == variable.name) =>
+                {
+                    let reason = format!(
+                        "`{}` of the FMU has a value already, by another of its names: leave one of them out",
+                        variable.name
+                    );
+                    self.flat.problems.push(bound.given.problem(reason));
+                }
+                Ok(value) => self.flat.settings[part].push((variable.name.clone(), value)),
                 Err(problem) => self.flat.problems.push(problem),
             }
         }
@@ -181,9 +193,11 @@ impl<'a> System<'a> {
                     Ok(trace) => {
                         if let Some(value) = self.fed((number, &connector.name), &trace, &values) {
                             // Values that come through connectors are set by an enclosing element.
+                            let own = self.variable(number, &connector.name);
+                            let own = own.map_or(&connector.name, |variable| &variable.name);
                             let settings = &mut self.flat.settings[part];
-                            settings.retain(|(name, _)| *name != connector.name);
-                            settings.push((connector.name.clone(), value));
+                            settings.retain(|(name, _)| name != own);
+                            settings.push((own.clone(), value));
                         }
                     }
                     Err(problem) => self.flat.problems.push(problem),
@@ -267,6 +281,13 @@ impl<'a> System<'a> {
 
     fn wire(&mut self, taker: (usize, &'a str), input: &Variable, trace: &Trace<'a>) -> Result<(), String> {
         let (origin, name) = trace.origin;
+        let fed = |wire: &&Wire| Some(wire.to.0) == self.numbers[taker.0] && wire.to.1 == input.name;
+        if let Some(wire) = self.flat.wires.iter().find(fed) {
+            let name = &wire.to.1;
+            return Err(format!(
+                "`{name}` of the FMU is fed already, through a connector with another of its names: leave one of the connections out"
+            ));
+        }
         let ends = self.component(origin).zip(self.component(taker.0));
         let ((from, sends), (to, takes)) = ends.ok_or("one of them is no component")?;
         let output = sends.variable(name).ok_or("the FMU has no such variable")?;
@@ -299,8 +320,8 @@ impl<'a> System<'a> {
             self.through.push((from, to));
         }
         self.flat.wires.push(Wire {
-            from: (from, name.to_owned()),
-            to: (to, taker.1.to_owned()),
+            from: (from, output.name.clone()),
+            to: (to, input.name.clone()),
             factor,
             offset,
         });
@@ -322,16 +343,16 @@ impl<'a> System<'a> {
             };
             let (origin, name) = trace.origin;
             let part = self.numbers[origin];
-            let signal = self.variable(origin, name).and_then(|variable| {
-                let version = self.models[part?].description.version;
-                element(version, variable)
+            let signal = self.variable(origin, name).filter(|variable| {
+                let about = part.map(|part| &self.models[part].description);
+                about.is_some_and(|about| element(about.version, variable).is_some())
             });
             let plain = self.line(&trace).is_ok_and(|line| line.is_identity());
-            match part.filter(|_| signal.is_some()) {
-                Some(part) if plain => self
+            match part.zip(signal) {
+                Some((part, signal)) if plain => self
                     .flat
                     .outputs
-                    .push((connector.name.clone(), (part, name.to_owned()))),
+                    .push((connector.name.clone(), (part, signal.name.clone()))),
                 Some(_) => {
                     let shown = self.structure.shown(origin, name);
                     let note = format!(

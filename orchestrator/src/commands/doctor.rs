@@ -61,7 +61,9 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
         match (leftovers.is_empty() && unpacked.is_empty(), args.remove) {
             (true, _) => println!("no dead run left anything behind"),
             (false, true) => println!("all of it is removed"),
-            (false, false) => println!("`escapement doctor --remove` removes it, and so does the next run"),
+            (false, false) => println!(
+                "`escapement doctor --remove` removes it, and so does the next run with participants in processes"
+            ),
         }
     }
     if args.remove {

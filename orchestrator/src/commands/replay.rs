@@ -89,6 +89,15 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         )));
     }
     let in_process = !args.process && !replay.external();
+    if in_process && args.common.json {
+        output::keep_apart();
+    }
+    if in_process {
+        args.common
+            .patience_in_process()
+            .iter()
+            .for_each(|words| eprintln!("warning: {words}"));
+    }
     replay.run(&Options {
         in_process,
         out: args.common.out.clone(),
@@ -100,7 +109,7 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         // A participant that is stopped in a debugger must not run into a timeout.
         patience_s: match args.wait_for_debugger {
             Some(_) => f64::INFINITY,
-            None => args.common.patience.seconds(),
+            None => args.common.patience_s(),
         },
         start_within: args.common.start_within(),
         ..Options::default()

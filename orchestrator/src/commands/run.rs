@@ -133,6 +133,16 @@ fn executed(
         steering: server.as_ref().map(|(_, steering)| steering.clone()),
         ..options(how)
     };
+    if how.in_process && how.common.json {
+        crate::output::keep_apart();
+    }
+    // A shadow that is a program of its own runs in a process all the same.
+    if how.in_process && shadows.is_empty() {
+        how.common
+            .patience_in_process()
+            .iter()
+            .for_each(|words| eprintln!("warning: {words}"));
+    }
     let outcome = match begun(scenario, &options, warned && !how.common.quiet) {
         Ok(outcome) => outcome,
         Err(failure) => {
@@ -200,7 +210,7 @@ pub fn options(how: &HowArgs) -> Options {
         checkpoint_at: how.checkpoint_at.clone(),
         wait: how.wait,
         no_placement: how.no_placement,
-        patience_s: how.common.patience.seconds(),
+        patience_s: how.common.patience_s(),
         start_within: how.common.start_within(),
         ..Options::default()
     }

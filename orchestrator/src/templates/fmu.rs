@@ -39,13 +39,17 @@ pub(super) fn files(project: &Project<'_>) -> Result<Vec<File>, String> {
         file: place.clone(),
         about: &model.description,
         period: format!("{} s", fmu::period(&model.description)),
-        offset: None,
+        offset: Some(fmu::span(&model.description).0)
+            .filter(|first| *first > 0.0)
+            .map(|first| format!("{first} s")),
         parameters: fmu::written(&model.description),
     });
-    let stops = models
-        .iter()
-        .filter_map(|(_, _, model)| model.description.experiment.stop);
-    let stop = stops.filter(|stop| *stop > 0.0).fold(0.0, f64::max);
+    // A model without a stop time needs no certain end, except one after its start.
+    let ends = models.iter().filter_map(|(_, _, model)| {
+        let (first, end) = fmu::span(&model.description);
+        (model.description.experiment.stop.is_some() || first > 0.0).then_some(end)
+    });
+    let stop = ends.fold(0.0, f64::max);
     let mut draft = Draft {
         title: format!("{}: FMUs together", project.name),
         duration: format!("{} s", if stop > 0.0 { stop } else { DURATION }),

@@ -112,6 +112,7 @@ impl Run {
             drop(made);
             refuse_inside_a_participant(&scenario)?;
             scope::leftovers().iter().for_each(scope::Leftover::remove);
+            fmu::remove_leftovers();
             resources::check(&known.plan, scenario.moves())?;
             None
         };

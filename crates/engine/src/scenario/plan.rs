@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use lockstep::link::{Conversion, TimingError};
 use lockstep::participant::{Input, Interface, Kind, Output};
-use lockstep::plan::{Initial, LinkSpec, ParticipantSpec, Plan, PlanError};
+use lockstep::plan::{DelayPart, Initial, LinkSpec, ParticipantSpec, Plan, PlanError};
 use lockstep::port::{Descriptor, Element, Field};
 
 use super::error::{Mistake, ScenarioError};
@@ -180,7 +180,11 @@ fn place(error: &PlanError, origins: &HashMap<String, &str>) -> String {
             TimingError::Precision { .. } => connection(link),
             TimingError::Fault { fault, .. } => format!("faults.{fault}"),
         },
-        PlanError::Capacity { link, .. } => format!("{}.delay", connection(link)),
+        PlanError::Capacity { link, longest, .. } => match longest {
+            DelayPart::Delay(_) => format!("{}.delay", connection(link)),
+            DelayPart::Jitter(_) => format!("{}.jitter", connection(link)),
+            DelayPart::Fault { name, .. } => format!("faults.{name}.extra-delay"),
+        },
         PlanError::InitialSize { link, .. }
         | PlanError::FirstSample { link, .. }
         | PlanError::FirstSampleLate { link, .. } => format!("{}.initial", connection(link)),
@@ -274,6 +278,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
         let known = fields::Known {
             sends: certain(output).map(|(_, descriptor)| descriptor),
             takes: certain(input).map(|(_, descriptor)| descriptor),
+            programs: [output, input].map(|found| Some(&self.scenario.participants[found?.0].program)),
         };
         let Some((_, assumed)) = output else {
             return Ok((None, None));
@@ -284,7 +289,8 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
             None => known.sends,
         };
         let initial = shown.map(|shown| {
-            let initial = super::initial::initial(&connection.initial, shown)?;
+            let initial = fields::initial(&connection.initial, to, &known)?;
+            let initial = super::initial::initial(&initial, shown)?;
             match &conversion {
                 Some(conversion) => fields::check_initial(&initial, conversion, shown).map(|()| initial),
                 None => Ok(initial),

@@ -1,5 +1,6 @@
 //! The program that runs as a participant.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -22,6 +23,8 @@ pub enum Program {
         file: PathBuf,
         /// The other keys of the `run` table, as TOML.
         options: String,
+        /// The aliases of its variables, by which connections may name fields.
+        aliases: fmu::Aliases,
     },
     /// An external program.
     External {
@@ -48,6 +51,15 @@ impl Program {
                 Some(file)
             }
         }
+    }
+
+    /// The field or element of `port` that `name` means: an alias of an FMU's variable means the field with the variable's name.
+    pub(super) fn field<'a>(&self, port: &str, name: &'a str) -> Cow<'a, str> {
+        let field = match self {
+            Program::Fmu { aliases, .. } => aliases.field(port, name),
+            Program::Builtin(_) | Program::Library { .. } | Program::External { .. } => None,
+        };
+        field.map_or(Cow::Borrowed(name), Cow::Owned)
     }
 
     /// The key of a `run` table for the `file` of a command line: a library and an FMU are recognised by their extensions.

@@ -364,6 +364,8 @@ impl Scenario {
         self.source.error(vec![self.source.mistake(&key, reason)])
     }
 
+    /// A mistake in a parameter. It stands at the parameter if the program that refuses it was written for it, and otherwise at the
+    /// program that has taken the place of that one.
     pub(super) fn parameter(&self, entry: &Entry, key: &str, reason: &str) -> Mistake {
         let place = &entry.parameters_key;
         let key = if key.is_empty() {
@@ -371,7 +373,20 @@ impl Scenario {
         } else {
             format!("{place}.{key}")
         };
-        self.source.mistake(&key, reason)
+        let own = self.source.mistake(&key, reason);
+        if !self.took_over(entry) {
+            return own;
+        }
+        let line = own.line.map_or(String::new(), |line| format!(" (line {line})"));
+        let reason = format!("{} refuses `{key}`{line}: {}", entry.program, own.reason);
+        self.source.mistake(&entry.run_key, reason)
+    }
+
+    /// Whether the program of `entry` has taken over the parameters of another one.
+    fn took_over(&self, entry: &Entry) -> bool {
+        let table = |key: &'static str, of: &str| of.strip_suffix(key).map(str::to_owned);
+        let stands_apart = table(".run", &entry.run_key) != table(".parameters", &entry.parameters_key);
+        stands_apart || self.source.origin.changes(&entry.run_key)
     }
 }
 

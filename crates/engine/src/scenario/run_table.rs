@@ -71,13 +71,13 @@ fn fmu_program(source: &Source, key: &str, file: &str, run: &RunSpec) -> Result<
     }
     let path = source.folder.join(file);
     let options = run.beside_fmu();
-    fmu::check(&path, &options).map_err(|error| {
+    let aliases = fmu::check(&path, &options).map_err(|error| {
         let below = if error.key.is_empty() { "fmu" } else { &error.key };
         source.mistake(&format!("{key}.{below}"), error.reason)
     })?;
     let file = absolute(&path).map_err(|reason| source.mistake(key, reason))?;
     let options = options.to_string();
-    Ok(Program::Fmu { file, options })
+    Ok(Program::Fmu { file, options, aliases })
 }
 
 /// A program named with a slash is relative to the scenario; a bare name is searched for in PATH.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::units::Unit;
-use super::variable::Variable;
+use super::variable::{Type, Variable};
 
 /// The version of the standard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,9 +40,9 @@ pub struct Abilities {
 pub struct Experiment {
     /// Start, s.
     pub start: Option<f64>,
-    /// End, s.
+    /// End, s: after the start.
     pub stop: Option<f64>,
-    /// Communication step, s.
+    /// Communication step, s: positive.
     pub step: Option<f64>,
     /// Relative tolerance of its solver.
     pub tolerance: Option<f64>,
@@ -78,9 +78,21 @@ pub struct Description {
 }
 
 impl Description {
-    /// The variable called `name`.
+    /// The variable called `name`, by its own name or by an alias.
     pub fn variable(&self, name: &str) -> Option<&Variable> {
-        self.variables.iter().find(|variable| variable.name == name)
+        let called = |variable: &&Variable| variable.names().any(|own| own == name);
+        self.variables.iter().find(called)
+    }
+
+    /// What tells the variable's value from all others: variables of which this is equal are one value. In FMI 2.0 each type has its
+    /// own value references, and enumerations are integers; in FMI 3.0 a reference means one value whatever its type is.
+    pub fn value_of(&self, variable: &Variable) -> (Option<Type>, u32) {
+        let kind = match (self.version, variable.kind) {
+            (Version::Three, _) => None,
+            (Version::Two, Type::Enumeration) => Some(Type::Int32),
+            (Version::Two, kind) => Some(kind),
+        };
+        (kind, variable.reference)
     }
 
     /// The variable's unit, where the description defines it; without an offset for a relative quantity.

@@ -1,6 +1,7 @@
 //! Content of `modelDescription.xml`, in the same terms for FMI 2.0 and 3.0.
 
 mod content;
+mod experiment;
 mod literals;
 mod nodes;
 mod read;
@@ -10,4 +11,4 @@ mod variable;
 pub use content::{Abilities, Description, Experiment, Version};
 pub use read::DescriptionError;
 pub use units::{BASE as BASE_UNITS, BaseUnit, Conversion, Unit};
-pub use variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
+pub use variable::{Alias, Causality, Extent, Initial, Item, Range, Type, Variability, Variable};

@@ -23,6 +23,10 @@ pub(super) fn range(node: Node<'_, '_>) -> Range {
     }
 }
 
+pub(super) fn text_of(node: Node<'_, '_>) -> String {
+    node.attribute("description").unwrap_or_default().to_owned()
+}
+
 pub(super) fn words(text: &str) -> Vec<String> {
     text.split_whitespace().map(str::to_owned).collect()
 }

@@ -5,10 +5,11 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::content::{Abilities, Description, Experiment, Version};
+use super::experiment::settle;
 use super::literals;
-use super::nodes::{child, elements, range, type_of, words};
+use super::nodes::{child, elements, range, text_of, type_of, words};
 use super::units::{BaseUnit, Unit};
-use super::variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
+use super::variable::{Alias, Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
 
 /// Maximum size of a description, bytes.
 pub const SIZE_MAX: usize = 64 << 20;
@@ -158,15 +159,7 @@ impl<'a> Reader<'a> {
             serialise: self.flag(own, serialise)?,
             event_mode: self.flag(own, "hasEventMode")?,
         };
-        let experiment = match child(root, "DefaultExperiment") {
-            None => Experiment::default(),
-            Some(node) => Experiment {
-                start: self.finite(node, "startTime")?,
-                stop: self.finite(node, "stopTime")?,
-                step: self.finite(node, "stepSize")?,
-                tolerance: self.finite(node, "tolerance")?,
-            },
-        };
+        let experiment = self.experiment(child(root, "DefaultExperiment"))?;
         let units = self.units(child(root, "UnitDefinitions"))?;
         let types = self.types(child(root, "TypeDefinitions"))?;
         let mut variables = self.variables(root, &units, &types)?;
@@ -189,6 +182,22 @@ impl<'a> Reader<'a> {
             log_categories: categories.map(str::to_owned).collect(),
             problems: self.problems,
         })
+    }
+
+    fn experiment(&mut self, node: Option<Node<'a, 'a>>) -> Result<Experiment, DescriptionError> {
+        let Some(node) = node else {
+            return Ok(Experiment::default());
+        };
+        let mut experiment = Experiment {
+            start: self.finite(node, "startTime")?,
+            stop: self.finite(node, "stopTime")?,
+            step: self.finite(node, "stepSize")?,
+            tolerance: self.finite(node, "tolerance")?,
+        };
+        for odd in settle(&mut experiment) {
+            self.problem(node, odd);
+        }
+        Ok(experiment)
     }
 
     fn units(&mut self, all: Option<Node<'a, 'a>>) -> Result<BTreeMap<String, Unit>, DescriptionError> {
@@ -256,8 +265,8 @@ impl<'a> Reader<'a> {
         let (mut variables, mut names) = (Vec::new(), HashSet::new());
         for node in elements(Some(all)) {
             let mut variable = self.variable(node, types)?;
-            if !names.insert(variable.name.clone()) {
-                return Err(self.error(node, format!("the variable `{}` is there twice", variable.name)));
+            if let Some(name) = variable.names().find(|&name| !names.insert(name.to_owned())) {
+                return Err(self.error(node, format!("the variable `{name}` is there twice")));
             }
             if let Some(unit) = &variable.unit
                 && !units.contains_key(unit)
@@ -355,9 +364,19 @@ impl<'a> Reader<'a> {
             items: declared.items,
             extents,
             feedthrough: false,
-            text: node.attribute("description").unwrap_or_default().to_owned(),
+            text: text_of(node),
+            aliases: self.aliases(node)?,
             name,
         })
+    }
+
+    fn aliases(&self, node: Node<'a, 'a>) -> Result<Vec<Alias>, DescriptionError> {
+        let all = node.children().filter(|child| child.has_tag_name("Alias"));
+        let read = all.map(|alias| {
+            let text = text_of(alias);
+            self.needed(alias, "name").map(|name| Alias { name, text })
+        });
+        read.collect()
     }
 
     fn extents(&self, node: Node<'_, '_>, name: &str) -> Result<Vec<Extent>, DescriptionError> {
@@ -418,12 +437,7 @@ impl<'a> Reader<'a> {
             Some("approx") => Some(Initial::Approx),
             Some("calculated") => Some(Initial::Calculated),
             Some(other) => return Err(self.error(node, format!("`{name}` has the unknown initial `{other}`"))),
-            None => match (causality, variability) {
-                (Causality::Input | Causality::Independent, _) => None,
-                (Causality::Parameter | Causality::StructuralParameter, _) => Some(Initial::Exact),
-                (_, Variability::Constant) => Some(Initial::Exact),
-                _ => Some(Initial::Calculated),
-            },
+            None => Initial::by_default(causality, variability),
         })
     }
 

@@ -116,6 +116,18 @@ pub enum Initial {
     Calculated,
 }
 
+impl Initial {
+    /// The default according to the standard's table of causality and variability.
+    pub(super) const fn by_default(causality: Causality, variability: Variability) -> Option<Initial> {
+        match (causality, variability) {
+            (Causality::Input | Causality::Independent, _) => None,
+            (Causality::Parameter | Causality::StructuralParameter, _) => Some(Initial::Exact),
+            (_, Variability::Constant) => Some(Initial::Exact),
+            _ => Some(Initial::Calculated),
+        }
+    }
+}
+
 /// An item of an enumeration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Item {
@@ -143,11 +155,22 @@ pub struct Range {
     pub max: Option<String>,
 }
 
+/// Another name of a variable (FMI 3.0). Its display unit is left out: values are in the unit of the variable.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Alias {
+    /// The name.
+    pub name: String,
+    /// Its description.
+    pub text: String,
+}
+
 /// A variable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
     /// Its name.
     pub name: String,
+    /// Its other names. In FMI 2.0 an alias is a variable of its own, with the same value reference.
+    pub aliases: Vec<Alias>,
     /// Its value reference, which functions use.
     pub reference: u32,
     /// The type of its elements.
@@ -177,6 +200,12 @@ pub struct Variable {
 }
 
 impl Variable {
+    /// All of its names, its own first.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let others = self.aliases.iter().map(|alias| alias.name.as_str());
+        std::iter::once(self.name.as_str()).chain(others)
+    }
+
     /// Whether a scenario may set it before the run.
     ///
     /// # Errors

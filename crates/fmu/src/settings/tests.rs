@@ -67,6 +67,91 @@ fn parameter_is_given_once() {
 }
 
 #[test]
+fn alias_sets_its_variable_and_is_given_once_with_it() {
+    let three = described(
+        r#"<Float64 name="h" valueReference="1" causality="parameter"><Alias name="h_ft" displayUnit="ft"/><Alias name="in.h"/></Float64>"#,
+    );
+    assert_eq!(set(&three, "h_ft = 2.0"), Ok(2.0));
+    assert_eq!(set(&three, "in = { h = 3.0 }"), Ok(3.0));
+    let error = set(&three, "h = 1.0\nh_ft = 2.0").unwrap_err();
+    for part in [
+        "`h_ft`: ",
+        "`h` and `h_ft` are one value",
+        "`h = 1.0`",
+        "`h_ft = 2.0`",
+        "remove one",
+    ] {
+        assert!(error.contains(part), "`{part}` is not in {error}");
+    }
+    let error = set(&three, "h_fd = 2.0").unwrap_err();
+    assert!(error.contains("did you mean `h_ft`?"), "{error}");
+    // In FMI 2.0 an alias is a variable with the same reference, and each type has its own references.
+    let two = r#"<fmiModelDescription fmiVersion="2.0" modelName="m" guid="t"><CoSimulation modelIdentifier="m"/><ModelVariables>
+        <ScalarVariable name="a" valueReference="1" causality="parameter" variability="fixed"><Real start="1"/></ScalarVariable>
+        <ScalarVariable name="b" valueReference="1" causality="parameter" variability="fixed"><Real start="1"/></ScalarVariable>
+        <ScalarVariable name="n" valueReference="1" causality="parameter" variability="fixed"><Integer start="1"/></ScalarVariable>
+        </ModelVariables></fmiModelDescription>"#;
+    let two = Description::read(two).unwrap();
+    assert_eq!(set(&two, "b = 2.0\nn = 3"), Ok(2.0));
+    let error = set(&two, "a = 1.0\nb = 2.0").unwrap_err();
+    assert!(error.contains("`a` and `b` are one value"), "{error}");
+    // A generated scenario has each value once.
+    let written: Vec<String> = (crate::inspect::written(&two).into_iter())
+        .map(|(name, _)| name)
+        .collect();
+    assert_eq!(written, ["a", "n"]);
+}
+
+#[test]
+fn alias_names_fields_and_is_no_second_field() {
+    let about = described(
+        r#"<Float64 name="h" valueReference="1" causality="output"><Alias name="h_ft" description="in feet"/></Float64>
+           <Float64 name="u" valueReference="2" causality="input"><Alias name="pull"/></Float64>"#,
+    );
+    assert_eq!(about.variables[0].aliases[0].text, "in feet");
+    let ports = |options: &str| {
+        let options = Options::read(&toml::from_str(options).unwrap()).unwrap();
+        Layout::new(&about, &options, &Settings::default()).map_err(|error| error.to_string())
+    };
+    let plain = ports("").unwrap();
+    let names = |layout: &Layout| layout.interface.outputs[0].descriptor.fields[0].name.clone();
+    assert_eq!(names(&plain), "h");
+    assert_eq!(plain.aliases.field("outputs", "h_ft").as_deref(), Some("h"));
+    assert_eq!(plain.aliases.field("inputs", "pull").as_deref(), Some("u"));
+    let named = ports("ports = { motion = ['h_ft'] }").unwrap();
+    assert_eq!(names(&named), "h_ft");
+    assert_eq!(named.aliases.field("motion", "h").as_deref(), Some("h_ft"));
+    // A field with a name that the user chose has only this one, and a name of a field is no alias of another.
+    let chosen = ports("ports = { motion = [{ name = 'height', variable = 'h_ft' }, 'h'] }").unwrap();
+    assert_eq!(chosen.aliases.field("motion", "height"), None);
+    assert_eq!(chosen.aliases.field("motion", "h_ft").as_deref(), Some("h"));
+    let twice = ports("ports = { inputs = ['u', 'pull'] }").unwrap_err();
+    assert!(twice.contains("the input `u` stands in two fields"), "{twice}");
+    let unknown = ports("record = ['h_fd']").unwrap_err();
+    assert!(unknown.contains("did you mean `h_ft`?"), "{unknown}");
+}
+
+#[test]
+fn name_of_an_alias_is_unique() {
+    for variables in [
+        r#"<Float64 name="a" valueReference="1"><Alias name="b"/></Float64><Float64 name="b" valueReference="2"/>"#,
+        r#"<Float64 name="b" valueReference="2"/><Float64 name="a" valueReference="1"><Alias name="b"/></Float64>"#,
+        r#"<Float64 name="b" valueReference="2"><Alias name="b"/></Float64>"#,
+        r#"<Float64 name="a" valueReference="1"><Alias name="b"/><Alias name="b"/></Float64>"#,
+    ] {
+        let text = format!(
+            "<fmiModelDescription fmiVersion='3.0' modelName='m' instantiationToken='t'><CoSimulation modelIdentifier='m'/>\n\
+             <ModelVariables>{variables}</ModelVariables></fmiModelDescription>"
+        );
+        let error = Description::read(&text).unwrap_err().to_string();
+        assert!(
+            error.contains("modelDescription.xml:2: the variable `b` is there twice"),
+            "{error}"
+        );
+    }
+}
+
+#[test]
 fn number_beyond_its_type_is_refused() {
     let about = described(
         r#"<Float32 name="single" valueReference="1" causality="parameter"/>

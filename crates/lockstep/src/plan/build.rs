@@ -187,7 +187,7 @@ impl Plan {
             link: spec.name.clone(),
             source,
         })?;
-        let capacity = capacity::capacity(&spec.name, &visibility, to.sample_time)?;
+        let capacity = capacity::capacity(&spec.name, (&spec.timing, &spec.faults), &visibility, to.sample_time)?;
         Ok(Link {
             name: spec.name.clone(),
             from: (producer, output),

@@ -1,8 +1,9 @@
 //! The number of samples that a link must be able to hold.
 
-use super::PlanError;
+use super::error::{DelayPart, PlanError};
 use super::limits::CAPACITY_MAX;
-use crate::link::Visibility;
+use crate::fault::LinkFault;
+use crate::link::{Timing, Visibility};
 use crate::time::SampleTime;
 
 /// The room for samples in flight, so that a producer that waits for room always waits for a consumer that is behind it in simulated
@@ -13,7 +14,12 @@ use crate::time::SampleTime;
 /// largest delay. With capacity B the sample that finds no room is stamped at least (B - 1) P after that. For (B - 1) P >= d + 2 P its
 /// producer, which works on it at most one period before the stamp, stands after t. So waiting for room leads strictly back in time;
 /// waiting for a sample leads back in time or, at one instant, to a lower rank. There is no circle.
-pub(super) fn capacity(link: &str, visibility: &Visibility, consumer: SampleTime) -> Result<usize, PlanError> {
+pub(super) fn capacity(
+    link: &str,
+    (timing, faults): (&Timing, &[LinkFault]),
+    visibility: &Visibility,
+    consumer: SampleTime,
+) -> Result<usize, PlanError> {
     let (_, delay) = visibility.delay_bounds();
     let period = i128::from(visibility.producer().period);
     // The consumer's lag within one of its own periods does not enter the argument, but a buffer for two of them lets the producer work
@@ -24,7 +30,67 @@ pub(super) fn capacity(link: &str, visibility: &Visibility, consumer: SampleTime
         return Err(PlanError::Capacity {
             link: link.to_owned(),
             samples: needed,
+            longest: longest(timing, faults),
         });
     }
     Ok((needed + (lag as u128).min(64)).min(CAPACITY_MAX) as usize)
+}
+
+/// The longest part of the largest delay of a link, which is the one to be shortened.
+fn longest(timing: &Timing, faults: &[LinkFault]) -> DelayPart {
+    let faults = faults.iter().map(|fault| DelayPart::Fault {
+        name: fault.name.clone(),
+        extra: fault.extra_delay,
+    });
+    // Of equal ones the last is taken.
+    let others = faults.chain([DelayPart::Jitter(timing.jitter)]);
+    let longest = others.max_by_key(DelayPart::time);
+    let delay = DelayPart::Delay(timing.delay);
+    longest.filter(|other| other.time() > delay.time()).unwrap_or(delay)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fault::Span;
+    use crate::time::{Rational, Timebase};
+
+    #[test]
+    fn longest_part_of_the_delay_is_named() {
+        let second = Rational::from_millis(1000);
+        let hour = Rational::from_millis(3_600_000);
+        let refused = |delay: Rational, jitter: Rational, extra: Rational| {
+            let timing = Timing {
+                delay,
+                jitter,
+                ..Timing::default()
+            };
+            let faults = [LinkFault {
+                name: "late".into(),
+                span: Span {
+                    at: second,
+                    until: None,
+                },
+                drop: 0.0,
+                extra_delay: extra,
+                words: String::new(),
+            }];
+            let timebase = Timebase::measuring([Rational::from_millis(1)]).unwrap();
+            let each = SampleTime { offset: 0, period: 1 };
+            let rule = Visibility::new(&timing, &faults, each, &timebase, 1, "b.u").unwrap();
+            let found = capacity("link", (&timing, &faults), &rule, each);
+            found.unwrap_err().to_string()
+        };
+        for (error, part) in [
+            (refused(hour, second, second), "shorten its delay of 3600 s"),
+            (refused(second, hour, second), "shorten its jitter of 3600 s"),
+            (
+                refused(second, second, hour),
+                "shorten the extra delay of 3600 s of the fault `late`",
+            ),
+            (refused(hour, hour, hour), "shorten its delay of 3600 s"),
+        ] {
+            assert!(error.contains("connection `link`") && error.contains(part), "{error}");
+        }
+    }
 }

@@ -1,5 +1,7 @@
 //! Why a set of participants and links is not a plan.
 
+use std::fmt;
+
 use crate::link::TimingError;
 use crate::participant::InterfaceError;
 use crate::time::{Rational, TickError};
@@ -173,12 +175,14 @@ pub enum PlanError {
         reads: Rational,
     },
     /// The delay covers more samples than a link may hold.
-    #[error("connection `{link}`: {samples} samples would be in flight; at most {max} are allowed: shorten the delay", max = super::limits::CAPACITY_MAX)]
+    #[error("connection `{link}`: {samples} samples would be in flight; at most {max} are allowed: shorten {longest}", max = super::limits::CAPACITY_MAX)]
     Capacity {
         /// The link.
         link: String,
         /// Samples in flight.
         samples: u128,
+        /// The longest part of the delay.
+        longest: DelayPart,
     },
     /// A circle of zero-delay links with direct feedthrough.
     #[error(
@@ -205,5 +209,40 @@ fn hint(candidates: &[String]) -> String {
         String::new()
     } else {
         format!(", such as {}", candidates.join(" or "))
+    }
+}
+
+/// A part of the largest delay of a link.
+#[derive(Debug, Clone, PartialEq)]
+pub enum DelayPart {
+    /// The fixed delay.
+    Delay(Rational),
+    /// The jitter.
+    Jitter(Rational),
+    /// The extra delay of a link fault.
+    Fault {
+        /// The fault.
+        name: String,
+        /// Its extra delay.
+        extra: Rational,
+    },
+}
+
+impl DelayPart {
+    /// How long it is.
+    pub fn time(&self) -> Rational {
+        match self {
+            DelayPart::Delay(time) | DelayPart::Jitter(time) | DelayPart::Fault { extra: time, .. } => *time,
+        }
+    }
+}
+
+impl fmt::Display for DelayPart {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            DelayPart::Delay(time) => write!(f, "its delay of {time}"),
+            DelayPart::Jitter(time) => write!(f, "its jitter of {time}"),
+            DelayPart::Fault { name, extra } => write!(f, "the extra delay of {extra} of the fault `{name}`"),
+        }
     }
 }

@@ -20,7 +20,7 @@ mod placement;
 pub use assignment::{Assignment, Consumer, InputLink, OutputPort, SeenInput};
 pub use build::{LinkSpec, ParticipantSpec};
 pub use cut::{Backlog, Cut, Held, Position};
-pub use error::PlanError;
+pub use error::{DelayPart, PlanError};
 pub use limits::PARTICIPANTS_MAX;
 pub use network::{Initial, Link, Participant, Plan, Seen};
 pub use observed::Observed;

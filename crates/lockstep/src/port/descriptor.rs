@@ -41,9 +41,12 @@ impl Field {
         self.len() == 0
     }
 
-    /// Whether the field is padding: bytes called `padding`, `padding2`, … have no meaning, and need not be fed.
+    /// Whether the field is padding: bytes called `padding`, `padding2`, `padding_2`, … have no meaning, need not be fed, and are not
+    /// exported.
     pub fn is_padding(&self) -> bool {
-        self.element == Element::U8 && self.name.starts_with("padding")
+        let number = self.name.strip_prefix("padding");
+        let number = number.map(|rest| rest.strip_prefix('_').unwrap_or(rest));
+        self.element == Element::U8 && number.is_some_and(|rest| rest.bytes().all(|byte| byte.is_ascii_digit()))
     }
 
     /// The bytes of the field inside a payload.
@@ -353,6 +356,20 @@ mod tests {
                 assert_eq!(found, Some((field, index..index + 1)));
             }
             assert_eq!(descriptor.named(&field.name), Some((field, 0..field.len())));
+        }
+        for (name, element, padding) in [
+            ("padding", Element::U8, true),
+            ("padding2", Element::U8, true),
+            ("padding_12", Element::U8, true),
+            ("padding", Element::F64, false),
+            ("padding_of", Element::U8, false),
+            ("paddingCount", Element::U8, false),
+        ] {
+            let one = Field {
+                element,
+                ..field(name, &[], 0)
+            };
+            assert_eq!(one.is_padding(), padding, "{name}: {element}");
         }
         for name in [
             "row[6]",

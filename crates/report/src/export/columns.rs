@@ -54,11 +54,16 @@ pub(super) fn is_wide(field: &Field) -> bool {
 /// The name of the first column, the stamp.
 pub(super) const TIME: &str = "t [s]";
 
+/// The fields of a stream that are exported: all but padding, which has no meaning.
+pub(super) fn fields(spec: &StreamSpec) -> impl Iterator<Item = &Field> {
+    spec.descriptor.fields.iter().filter(|field| !field.is_padding())
+}
+
 /// The columns of a stream after the stamp.
 pub(super) fn columns(spec: &StreamSpec) -> Vec<Column<'_>> {
     let mut columns = Vec::new();
     let mut names = vec![("t".to_owned(), "s")];
-    for field in &spec.descriptor.fields {
+    for field in fields(spec) {
         // Names and truth values have no unit.
         let unit = if field.element.is_number() {
             field.unit.as_str()

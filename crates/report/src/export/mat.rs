@@ -13,7 +13,7 @@ use std::os::unix::fs::FileExt;
 use lockstep::port::{Content, Element, Field};
 use tape::{Source, StreamSpec};
 
-use super::columns::{distinct, is_wide};
+use super::columns::{distinct, fields, is_wide};
 use super::file::{About, WriteError};
 
 // Types of elements.
@@ -242,7 +242,7 @@ fn valid(names: &[&str]) -> Vec<String> {
 
 /// The variable of a stream: its stamps and fields as arrays, and their description.
 fn variable<'a>(spec: &'a StreamSpec, name: &'a str, samples: u64) -> Value<'a> {
-    let fields = &spec.descriptor.fields;
+    let fields: Vec<&Field> = fields(spec).collect();
     // The names that every stream has are reserved before those of the fields.
     let own = ["t", "info", "stream"];
     let wanted: Vec<&str> = own.into_iter().chain(fields.iter().map(|field| &*field.name)).collect();
@@ -254,8 +254,8 @@ fn variable<'a>(spec: &'a StreamSpec, name: &'a str, samples: u64) -> Value<'a> 
             ("frame".into(), Value::Text(&field.frame)),
         ])
     };
-    let info = names.iter().cloned().zip(fields.iter().map(about)).collect();
-    let arrays = fields.iter().map(|field| Value::Samples(field, samples));
+    let info = names.iter().cloned().zip(fields.iter().copied().map(about)).collect();
+    let arrays = fields.iter().copied().map(|field| Value::Samples(field, samples));
     let mut all = vec![("t".into(), Value::Stamps(samples))];
     all.extend(names.into_iter().zip(arrays));
     all.push(("info".into(), Value::Struct(info)));
@@ -316,7 +316,7 @@ fn fill(source: &dyn Source, stream: usize, places: &[u64], file: &File) -> Resu
     };
     let mut columns = vec![stamps];
     let mut wide = Vec::new();
-    for (field, &at) in spec.descriptor.fields.iter().zip(&places[1..]) {
+    for (field, &at) in fields(spec).zip(&places[1..]) {
         let (start, size) = (8 + field.offset as usize, field.element.size());
         let places = column_major(field);
         if let (Some(parts), each) = parts(field.element) {

@@ -15,6 +15,9 @@ use crate::campaign::folder::any_path::AnyPath;
 use crate::campaign::folder::identity::digest_of_scenario;
 use crate::scenario::{Changes, ScenarioSpec};
 
+/// How much is kept of what a worker has said, bytes.
+const SAID_MAX: usize = 2000;
+
 /// A point for a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Task {
@@ -153,10 +156,7 @@ impl Worker {
             listeners.push(std::thread::spawn(move || {
                 for line in BufReader::new(errors).lines().map_while(Result::ok) {
                     let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
-                    if said.len() < 2000 {
-                        *said += &line;
-                        said.push(' ');
-                    }
+                    hear(&mut said, &line);
                 }
             }));
         }
@@ -211,6 +211,14 @@ impl Worker {
     }
 }
 
+/// Adds a line to what a worker has said, of which the end is kept: models may print there too, and the reason for a death comes last.
+fn hear(said: &mut String, line: &str) {
+    *said += line;
+    said.push(' ');
+    let start = (said.len().saturating_sub(SAID_MAX)..).find(|&at| said.is_char_boundary(at));
+    said.drain(..start.unwrap_or(0));
+}
+
 impl Drop for Worker {
     fn drop(&mut self) {
         self.orders = None;
@@ -223,5 +231,26 @@ impl Drop for Worker {
         }
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn last_words_of_a_worker_are_kept() {
+        let mut said = String::new();
+        hear(&mut said, "first");
+        assert_eq!(said, "first ");
+        for _ in 0..1000 {
+            hear(&mut said, "the ball is at 1 µm");
+        }
+        hear(&mut said, "it: the FMU called exit()");
+        assert!(said.len() <= SAID_MAX && said.len() > SAID_MAX - 4, "{}", said.len());
+        assert!(
+            said.ends_with("it: the FMU called exit() ") && !said.contains("first"),
+            "{said}"
+        );
     }
 }

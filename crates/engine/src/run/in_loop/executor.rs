@@ -20,7 +20,7 @@ use crate::run::options::Options;
 use crate::run::outcome::{Ending, RunFailure};
 use crate::run::prepare::Made;
 use crate::run::recording::recorder::Recorder;
-use crate::run::saved::checkpoint::CANNOT_SAVE;
+use crate::run::saved::checkpoint::cannot_save;
 use crate::run::state::RunState;
 use crate::scenario::{Entry, ORCHESTRATOR, Program, Scenario};
 
@@ -55,7 +55,7 @@ pub(crate) fn in_slots(
     let elsewhere =
         |entry: &&Entry| entry.program.is_external() && scenario.builtins().factory_within(&entry.program).is_none();
     if let Some(entry) = entries.iter().find(elsewhere) {
-        return Err(outside(entry));
+        return Err(outside(scenario, entry));
     }
     for substitution in &scenario.substitutions {
         if !matches!(substitution.entry.program, Program::Builtin(_)) {
@@ -129,16 +129,19 @@ impl From<RunError> for Ending {
     }
 }
 
-fn outside(entry: &Entry) -> RunFailure {
-    RunFailure::Participant {
-        participant: entry.setup.name.clone(),
-        reason: "it is a program of its own, which cannot run in this process: leave out --in-process".into(),
-    }
+/// A mistake of the user, like everything that is refused before the run.
+fn outside(scenario: &Scenario, entry: &Entry) -> RunFailure {
+    let name = &entry.setup.name;
+    let reason = format!(
+        "participant `{name}` is a program of its own, {}, which cannot run in this process: leave out --in-process, or make it a plug-in",
+        entry.program
+    );
+    scenario.program_refusal(entry, &reason).into()
 }
 
 /// A participant that can run in this process.
 fn make(scenario: &Scenario, entry: &Entry) -> Result<Box<dyn Participant>, RunFailure> {
-    scenario.participant(entry)?.ok_or_else(|| outside(entry))
+    scenario.participant(entry)?.ok_or_else(|| outside(scenario, entry))
 }
 
 fn parts(plan: &Plan, participants: Vec<Box<dyn Participant>>, recorder: &Arc<Mutex<Recorder>>) -> Vec<Part> {
@@ -326,7 +329,8 @@ impl Executor for Loop {
     fn save(&mut self, run_state: &RunState, number: usize) -> Result<Vec<u8>, RunFailure> {
         let steppers = self.looped.as_ref().map(InLoop::steppers).unwrap_or_default();
         let state = steppers.get(number).and_then(|stepper| stepper.participant().save());
-        state.ok_or_else(|| odd(&run_state.entries[number], CANNOT_SAVE))
+        let entry = &run_state.entries[number];
+        state.ok_or_else(|| odd(entry, cannot_save(matches!(entry.program, Program::Fmu { .. }))))
     }
 
     fn take_up(

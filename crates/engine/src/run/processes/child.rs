@@ -26,8 +26,8 @@ pub struct Participant {
     pidfd: OwnedFd,
     log: Log,
     status: Option<ExitStatus>,
-    /// It unpacks files that it cannot remove when it is killed.
-    unpacks: bool,
+    /// An FMU: it unpacks files that it cannot remove when it is killed.
+    is_fmu: bool,
 }
 
 /// Ties the life of the process that `command` starts to that of this process, and to nothing else: the child dies with this
@@ -92,7 +92,7 @@ impl Participant {
                 command.args(participant);
                 command
             }
-            Program::Fmu { file, options } => {
+            Program::Fmu { file, options, .. } => {
                 let mut command = own_program();
                 command.arg("participant").arg("--fmu").arg(file);
                 command.arg("--options").arg(options);
@@ -123,7 +123,7 @@ impl Participant {
                 pidfd,
                 log,
                 status: None,
-                unpacks: matches!(entry.program, Program::Fmu { .. }),
+                is_fmu: matches!(entry.program, Program::Fmu { .. }),
             }),
             Err(error) => {
                 let _ = child.kill();
@@ -131,6 +131,11 @@ impl Participant {
                 Err(error.into())
             }
         }
+    }
+
+    /// Whether its program is an FMU.
+    pub(crate) fn is_fmu(&self) -> bool {
+        self.is_fmu
     }
 
     /// The process number.
@@ -204,7 +209,7 @@ impl Participant {
 impl Drop for Participant {
     fn drop(&mut self) {
         self.bring_down(Duration::ZERO);
-        if self.unpacks {
+        if self.is_fmu {
             fmu::remove_leftovers();
         }
     }

@@ -10,7 +10,7 @@ use super::monitor::Monitor;
 use super::participants::{ParticipantHandle, ask_all, foreign_writer_reason};
 use super::placement::Placement;
 use crate::run::outcome::RunFailure;
-use crate::run::saved::checkpoint::CANNOT_SAVE;
+use crate::run::saved::checkpoint::cannot_save;
 use crate::scenario::{Entry, Scenario};
 use crate::text::quoted;
 
@@ -217,7 +217,7 @@ pub(crate) fn tell_replaced(handle: &mut ParticipantHandle, monitor: &Monitor) {
 pub(crate) fn save(handle: &mut ParticipantHandle, monitor: &Monitor) -> Result<Vec<u8>, RunFailure> {
     match handle.ask(&Request::Save, monitor)? {
         Reply::State(Some(state)) => Ok(state),
-        Reply::State(None) => Err(handle.odd(CANNOT_SAVE)),
+        Reply::State(None) => Err(handle.odd(cannot_save(handle.process.is_fmu()))),
         Reply::Refused { reason, .. } => Err(handle.odd(format!("cannot save its state: {reason}"))),
         other => Err(handle.odd(format!("answered the request for its state with {other:?}"))),
     }

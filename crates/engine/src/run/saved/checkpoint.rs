@@ -22,9 +22,19 @@ const MAGIC: &[u8] = b"escapement checkpoint 1\n";
 const MAGIC_REST: &[u8] = b"escapement checkpoint 2\n";
 const DIGEST: usize = 32;
 
-/// The message for a participant without `save` that must save its state.
-pub(crate) const CANNOT_SAVE: &str = "cannot save its state, which a checkpoint or a substitution with state needs: implement `save` and `restore`, \
-                           or run without";
+/// The message for a participant that must save its state and cannot, with the remedy for its kind.
+pub(crate) fn cannot_save(is_fmu: bool) -> String {
+    // An FMU has said in its log why: its own functions have failed, or the history of its inputs is too large.
+    let remedy = match is_fmu {
+        true => {
+            "its log says why. An FMU that can serialise its state is saved by its own functions (canGetAndSetFMUState and \
+             canSerializeFMUState in FMI 3.0, canGetAndSetFMUstate and canSerializeFMUstate in 2.0), any other by the history of its \
+             inputs: use an FMU of which one of them holds, or run without"
+        }
+        false => "implement `save` and `restore`, or run without",
+    };
+    format!("cannot save its state, which a checkpoint or a substitution with state needs: {remedy}")
+}
 
 /// The extension of a checkpoint's file.
 const ENDING: &str = ".checkpoint";

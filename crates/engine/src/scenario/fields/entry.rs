@@ -105,6 +105,22 @@ impl Wiring {
         }
     }
 
+    /// The same with the names of fields that `takes` and `sends` give for those that are written.
+    pub(super) fn named(self, takes: impl Fn(&str) -> String, sends: impl Fn(&str) -> String) -> Wiring {
+        let Wiring::Named(fields) = self else {
+            return self;
+        };
+        let part = |part: Part| Part {
+            from: sends(&part.from),
+            ..part
+        };
+        let fields = fields.into_iter().map(|(to, recipe)| {
+            let terms = recipe.terms.into_iter().map(part).collect();
+            (takes(&to), Recipe { terms, ..recipe })
+        });
+        Wiring::Named(fields.collect())
+    }
+
     fn mapped(map: &Value) -> Result<Wiring, String> {
         match map {
             Value::String(text) if text == "by-name" => Ok(Wiring::ByName),

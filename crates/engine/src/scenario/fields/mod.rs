@@ -6,17 +6,23 @@ mod pairs;
 use lockstep::link::{Conversion, Pair};
 use lockstep::plan::Initial;
 use lockstep::port::Descriptor;
+use toml::{Table, Value};
 
 use super::ports::End;
+use super::program::Program;
 use super::spec::ConnectionSpec;
 pub(super) use entry::Refusal;
 use entry::Wiring;
 use pairs::Ports;
 
-/// The known ports at the ends of a link.
+/// The ports at the ends of a link.
 pub(super) struct Known<'a> {
+    /// The output, if it is known.
     pub(super) sends: Option<&'a Descriptor>,
+    /// The input, if it is known.
     pub(super) takes: Option<&'a Descriptor>,
+    /// The programs at both ends, which may have other names for fields.
+    pub(super) programs: [Option<&'a Program>; 2],
 }
 
 /// Whether `connection` names fields, whatever the ports are.
@@ -34,7 +40,8 @@ pub(super) fn conversion(
     known: &Known<'_>,
     assumed: &Descriptor,
 ) -> Result<Option<Conversion>, Refusal> {
-    let wiring = Wiring::of(connection, from, to)?;
+    let [sends, takes] = known.programs;
+    let wiring = Wiring::of(connection, from, to)?.named(|name| own(takes, to, name), |name| own(sends, from, name));
     let (Some(sends), Some(takes)) = (known.sends, known.takes) else {
         return Ok((!wiring.is_whole()).then(|| Conversion {
             message: assumed.clone(),
@@ -66,6 +73,28 @@ pub(super) fn conversion(
         message: sends.clone(),
         pairs,
     }))
+}
+
+/// The name of a field at `end` that `name` means there.
+fn own(program: Option<&Program>, end: End<'_>, name: &str) -> String {
+    program.map_or_else(|| name.to_owned(), |program| program.field(end.port, name).into_owned())
+}
+
+/// The start value that is written for the input `to`, with the own names of its fields.
+pub(super) fn initial(value: &Value, to: End<'_>, known: &Known<'_>) -> Result<Value, String> {
+    let Value::Table(fields) = value else {
+        return Ok(value.clone());
+    };
+    let mut named = Table::new();
+    for (name, value) in fields {
+        let field = own(known.programs[1], to, name);
+        if named.insert(field.clone(), value.clone()).is_some() {
+            return Err(format!(
+                "`{field}` is given twice, by its name and by an alias: leave one of them out"
+            ));
+        }
+    }
+    Ok(Value::Table(named))
 }
 
 /// Checks that a start value sets only elements that the link feeds.

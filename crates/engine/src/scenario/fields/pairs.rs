@@ -53,7 +53,7 @@ impl<'a> Run<'a> {
 pub(super) fn targets(wiring: &Wiring, takes: &Descriptor, adds: bool) -> Vec<Pair> {
     let names: Vec<&str> = match wiring {
         Wiring::Whole => Vec::new(),
-        Wiring::ByName => takes.fields.iter().map(|field| field.name.as_str()).collect(),
+        Wiring::ByName => meant(takes).map(|field| field.name.as_str()).collect(),
         Wiring::Named(named) => named.iter().map(|(to, _)| to.as_str()).collect(),
     };
     let runs = names.into_iter().filter_map(|name| Run::find(takes, name).ok());
@@ -67,11 +67,15 @@ pub(super) fn targets(wiring: &Wiring, takes: &Descriptor, adds: bool) -> Vec<Pa
     runs.map(pair).collect()
 }
 
+/// The fields that a connection by name feeds. Padding is not fed: a field of the output with its name has another meaning.
+fn meant(takes: &Descriptor) -> impl Iterator<Item = &Field> {
+    takes.fields.iter().filter(|field| !field.is_padding())
+}
+
 impl Ports<'_> {
     /// Every field of the input from the field of the same name.
     pub(super) fn by_name(&self) -> Result<Vec<Pair>, String> {
-        let there = |field: &&Field| !field.is_padding() || self.sends.field(&field.name).is_some();
-        let each = self.takes.fields.iter().filter(there).map(|field| {
+        let each = meant(self.takes).map(|field| {
             let part = Part {
                 from: field.name.clone(),
                 factor: None,
@@ -270,4 +274,79 @@ fn constants(run: &Run<'_>, value: &Value) -> Result<Vec<f64>, String> {
         }
     }
     Ok(numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(fields: &[(&str, Element, &[u32], u32)], size: u32) -> Descriptor {
+        let fields = fields.iter().map(|(name, element, shape, offset)| Field {
+            name: (*name).into(),
+            element: *element,
+            shape: shape.to_vec(),
+            unit: "1".into(),
+            frame: String::new(),
+            offset: *offset,
+            values: Vec::new(),
+        });
+        let message = Descriptor {
+            name: "Signals".into(),
+            size,
+            fields: fields.collect(),
+        };
+        assert_eq!(message.validate(), Ok(()));
+        message
+    }
+
+    #[test]
+    fn padding_takes_no_field_of_its_name() {
+        let takes = message(
+            &[
+                ("x", Element::F64, &[], 0),
+                ("n", Element::U8, &[], 8),
+                ("padding", Element::U8, &[7], 9),
+            ],
+            16,
+        );
+        let gives = [
+            // A value with a meaning, and padding of another length.
+            message(
+                &[
+                    ("x", Element::F64, &[], 0),
+                    ("padding", Element::F64, &[], 8),
+                    ("n", Element::U8, &[], 16),
+                    ("padding_2", Element::U8, &[7], 17),
+                ],
+                24,
+            ),
+            message(
+                &[
+                    ("x", Element::F64, &[], 0),
+                    ("n", Element::U8, &[4], 8),
+                    ("padding", Element::U8, &[4], 12),
+                ],
+                16,
+            ),
+        ];
+        for (sends, fits) in gives.iter().zip([true, false]) {
+            let ports = Ports {
+                sends,
+                takes: &takes,
+                adds: false,
+                any_frames: false,
+            };
+            match ports.by_name() {
+                Ok(pairs) => {
+                    assert!(fits);
+                    let fed: Vec<u32> = pairs.iter().map(|pair| pair.to.offset).collect();
+                    assert_eq!(fed, [0, 8]);
+                }
+                // It is about `n`, which has another shape, and not about padding.
+                Err(reason) => assert!(!fits && reason.starts_with("`n` has"), "{reason}"),
+            }
+        }
+        let fed = targets(&Wiring::ByName, &takes, false);
+        assert_eq!(fed.iter().map(|pair| pair.to.offset).collect::<Vec<_>>(), [0, 8]);
+    }
 }

@@ -65,7 +65,7 @@ pub(super) fn write(
     let mut topics = Vec::new();
     let mut names = schema::Names::default();
     for (stream, spec) in source.streams().iter().enumerate() {
-        let schema = names.schema(&spec.descriptor);
+        let schema = names.schema(spec);
         let id = file.schema(&schema.name, &schema.file_descriptor_set)?;
         let topic = format!("/{}/{}", spec.participant, spec.port);
         let channel = file.channel(id, &topic, &schema::channel_metadata(spec))?;

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use lockstep::port::{Content, Descriptor, Element, Field};
 
 use super::proto;
-use crate::export::columns::{distinct, is_wide};
+use crate::export::columns::{distinct, fields, is_wide};
 use tape::StreamSpec;
 
 /// `FieldDescriptorProto.Type`.
@@ -77,6 +77,7 @@ pub(super) struct Names {
 pub(super) struct Schema {
     pub(super) name: String,
     pub(super) file_descriptor_set: Vec<u8>,
+    /// Of the exported fields alone: they need not fill the payload.
     descriptor: Descriptor,
 }
 
@@ -193,7 +194,11 @@ fn small(element: Element, bytes: &[u8]) -> u64 {
 }
 
 impl Names {
-    pub(super) fn schema(&mut self, descriptor: &Descriptor) -> Schema {
+    pub(super) fn schema(&mut self, spec: &StreamSpec) -> Schema {
+        let descriptor = &Descriptor {
+            fields: fields(spec).cloned().collect(),
+            ..spec.descriptor.clone()
+        };
         let plain = identifier(&descriptor.name);
         let mut name = plain.clone();
         let mut n = 1;
@@ -266,8 +271,8 @@ pub(super) fn channel_metadata(spec: &StreamSpec) -> Vec<(String, String)> {
         ("offset".to_owned(), spec.offset.to_string()),
         ("period".to_owned(), spec.period.to_string()),
     ];
-    let fields = &spec.descriptor.fields;
-    for (field, identifier) in fields.iter().zip(identifiers(fields)) {
+    let fields: Vec<Field> = fields(spec).cloned().collect();
+    for (field, identifier) in fields.iter().zip(identifiers(&fields)) {
         if identifier != field.name {
             pairs.push((format!("field.{identifier}"), field.name.clone()));
         }
