@@ -51,10 +51,10 @@ fn an_output_that_does_not_change_any_more_ends_the_run() {
 }
 
 #[test]
-fn a_liar_can_be_replaced_but_not_restarted() {
+fn an_offender_can_be_replaced_but_not_restarted() {
     let good = participant("damper").display().to_string();
-    for (liar, first) in [("out_of_range", 200), ("frozen", 250)] {
-        let world = World::with("replaced", liar, GUARDS);
+    for (offender, first) in [("out_of_range", 200), ("frozen", 250)] {
+        let world = World::with("replaced", offender, GUARDS);
         let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");
         let said = world.run("run", &["--set", &policy, "--checkpoint-every", "3s"]);
         assert_eq!(said.code, Some(0), "{said:?}");
@@ -74,7 +74,7 @@ fn a_liar_can_be_replaced_but_not_restarted() {
 }
 
 #[test]
-fn a_liar_that_has_done_everything_cannot_be_replaced() {
+fn an_offender_that_has_done_everything_cannot_be_replaced() {
     let good = participant("damper").display().to_string();
     let world = World::with("finished", "out_of_range", GUARDS);
     let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");

@@ -5,18 +5,18 @@ use escapement_tests::program::{Folder, Said, orchestrate, participant};
 use escapement_tests::world::oscillator;
 
 /// Checks that the run ends with code 1 and reports all of `words`.
-fn caught(lie: &str, words: &[&str]) -> (Folder, Said) {
-    caught_with(lie, &[], words)
+fn caught(violation: &str, words: &[&str]) -> (Folder, Said) {
+    caught_with(violation, &[], words)
 }
 
 /// As [`caught`], with `more` on the command line.
-fn caught_with(lie: &str, more: &[&str], words: &[&str]) -> (Folder, Said) {
-    let folder = Folder::new(lie);
+fn caught_with(violation: &str, more: &[&str], words: &[&str]) -> (Folder, Said) {
+    let folder = Folder::new(violation);
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");
     let run = format!(
-        "participants.damper.run={{ exe = '{}', args = ['{lie}'] }}",
-        participant("lies").display()
+        "participants.damper.run={{ exe = '{}', args = ['{violation}'] }}",
+        participant("violates").display()
     );
     let scenario = scenario.to_str().expect("paths of tests are text");
     let out = out.to_str().expect("paths of tests are text");
@@ -43,7 +43,7 @@ fn early_finish_note_is_refused_and_its_sender_named() {
 
 #[test]
 fn false_rest_note_is_refused_before_a_checkpoint() {
-    for (lie, words) in [
+    for (violation, words) in [
         (
             "rests-early",
             "at t = 2 s before its activation 100; by the plan it rests there before activation 200",
@@ -55,11 +55,11 @@ fn false_rest_note_is_refused_before_a_checkpoint() {
         ("rests-beyond", "at t = 3 s; it is granted no time after t = 2 s"),
     ] {
         let (folder, _) = caught_with(
-            lie,
+            violation,
             &["--checkpoint-at", "2 s"],
             &["`damper`: reports that it rests", words],
         );
-        assert!(!folder.path().join("run/checkpoints").exists(), "{lie}");
+        assert!(!folder.path().join("run/checkpoints").exists(), "{violation}");
     }
 }
 
@@ -81,7 +81,7 @@ fn consumer_finds_samples_although_no_notifier_wakes_it() {
     let scenario = oscillator(&folder, "damper");
     let run = format!(
         "participants.damper.run={{ exe = '{}', args = ['wakes-none'] }}",
-        participant("lies").display()
+        participant("violates").display()
     );
     let out = folder.path().join("run");
     let (scenario, out) = (scenario.to_str().unwrap(), out.to_str().unwrap());
@@ -125,12 +125,12 @@ fn repeated_notes_do_not_count_as_progress() {
 #[test]
 fn participant_text_cannot_steer_the_terminal_or_fake_lines() {
     let steers = |text: &str| text.contains(|c: char| c.is_control() && c != '\n');
-    for lie in ["steers-the-terminal", "steers-in-its-log", "steers-in-a-unit"] {
-        let (folder, said) = caught(lie, &["`damper`", r"\u{1b}[2J"]);
+    for violation in ["steers-the-terminal", "steers-in-its-log", "steers-in-a-unit"] {
+        let (folder, said) = caught(violation, &["`damper`", r"\u{1b}[2J"]);
         assert!(!steers(&said.err) && !steers(&said.out), "{said:?}");
         let fakes = |line: &str| line.starts_with("error: all") || line.trim_start().starts_with("error: all");
         assert!(!said.err.lines().any(fakes), "{said:?}");
-        if lie == "steers-in-its-log" {
+        if violation == "steers-in-its-log" {
             // The log has what was written.
             let log = std::fs::read(folder.path().join("run/log/damper.stderr")).unwrap();
             assert!(log.starts_with(b"\x1b[2J\0last\nerror: all is well\n"), "{log:?}");
@@ -195,7 +195,7 @@ fn an_answer_that_is_none_is_refused_and_its_author_named() {
 
 #[test]
 fn another_version_of_the_protocol_is_refused() {
-    caught("version", &["`damper`", "`liar` speaks version"]);
+    caught("version", &["`damper`", "`offender` speaks version"]);
 }
 
 #[test]

@@ -133,7 +133,7 @@ fn a_substitute_that_dies_as_it_takes_over_follows_the_policy_of_its_seat() {
 fn asked_to_move(more: &[&str]) -> (World, escapement_tests::program::Said) {
     let faults = substitution("1 s", "oscillator", "keep").replace("\"damper\"", "\"plant\"");
     let world = World::with("asked", "damper", &faults);
-    let lies = participant("lies").display().to_string();
+    let lies = participant("violates").display().to_string();
     let runs = format!("participants.damper.run={{ exe = {lies:?}, args = [\"dies-on-move\"] }}");
     let said = world.run("run", &[&["--set", &runs], more].concat());
     (world, said)

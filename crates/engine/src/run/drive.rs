@@ -347,8 +347,8 @@ impl Run {
             run_state.substituted,
         )?;
         let slots = prepare::seats_at(run_state, state, |_| false);
-        let fallen = self.executor.take_up(run_state, cut, slots, true)?;
-        if let Some(first) = fallen.first() {
+        let failed_participants = self.executor.continue_at(run_state, cut, slots, true)?;
+        if let Some(first) = failed_participants.first() {
             return Err(RunFailure::Participant {
                 participant: run_state.name(first.number).to_owned(),
                 reason: first.reason.clone(),

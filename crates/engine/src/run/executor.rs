@@ -71,7 +71,7 @@ pub(super) trait Executor {
     ///
     /// # Errors
     /// A failure that no participant caused; then no participant is left.
-    fn take_up(
+    fn continue_at(
         &mut self,
         run_state: &mut RunState,
         cut: &Cut,
@@ -92,7 +92,7 @@ pub(super) trait Executor {
     fn survive(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending>;
 
     /// Registers participants that failed while the run was resumed.
-    fn note_fallen(&mut self, fallen: Vec<FailedParticipant>);
+    fn note_failures(&mut self, failed_participants: Vec<FailedParticipant>);
 
     /// At a rest: which process is which participant, in words.
     fn processes(&self) -> String;

@@ -433,17 +433,19 @@ enum Making {
 /// Gives unconnected inputs the values that were set.
 fn show_inputs(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks) -> Result<(), Ending> {
     let cut = run_state.recorder().cut_at(now);
-    let shown = executor.show_inputs(run_state, &cut).and_then(|mut fallen| {
-        if fallen.is_empty() {
-            fallen.extend(actions::keep_for_restarts(
-                executor,
-                run_state,
-                run_state.time(now),
-                cut,
-            )?);
-        }
-        Ok(fallen)
-    });
-    let fallen = shown.map_err(|failure| run_state.over(failure))?;
-    actions::fell(executor, run_state, fallen)
+    let shown = executor
+        .show_inputs(run_state, &cut)
+        .and_then(|mut failed_participants| {
+            if failed_participants.is_empty() {
+                failed_participants.extend(actions::keep_for_restarts(
+                    executor,
+                    run_state,
+                    run_state.time(now),
+                    cut,
+                )?);
+            }
+            Ok(failed_participants)
+        });
+    let failed_participants = shown.map_err(|failure| run_state.over(failure))?;
+    actions::fell(executor, run_state, failed_participants)
 }

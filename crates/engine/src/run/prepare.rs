@@ -248,12 +248,12 @@ pub(super) fn recorder(
     let kept = scenario.kept(&plan, &streams, |_| true)?;
     let saves = options.checkpoint_every.is_some() || !options.checkpoint_at.is_empty();
     // Taking up a run needs samples of all outputs.
-    let taken_up = asked || saves || (scenario.moves() && !options.in_process);
+    let resumable = asked || saves || (scenario.moves() && !options.in_process);
     let observers = Observers {
         kept: (folder.is_some() || options.record.looks()).then_some(&kept),
         assessment: assessment.as_deref(),
         guards: &watches,
-        all: taken_up,
+        all: resumable,
     };
     plan.observed = observers.observed(scenario, &plan, &streams);
     let (lanes, kept) = Lanes::new(&kept, &streams);
@@ -262,7 +262,7 @@ pub(super) fn recorder(
         None => Store::without_folder(options.record, kept)?,
     };
     let mut recorder = Recorder::new(Arc::new(plan), store, lanes, assessment, watches);
-    if taken_up {
+    if resumable {
         recorder.keep_recent();
     }
     match recorder.unsaved().filter(|_| saves) {

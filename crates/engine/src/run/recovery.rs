@@ -33,26 +33,26 @@ impl Processes {
             return Err(ending);
         };
         let reason = reason.clone();
-        let mut fallen = vec![FailedParticipant { number, reason }];
-        let others = std::mem::take(&mut self.failures.fallen);
-        fallen.extend(others.into_iter().filter(|one| one.number != number));
-        let first = fallen[0].clone();
+        let mut failed_participants = vec![FailedParticipant { number, reason }];
+        let others = std::mem::take(&mut self.failures.unhandled);
+        failed_participants.extend(others.into_iter().filter(|one| one.number != number));
+        let first = failed_participants[0].clone();
         let mut judged = 0;
         loop {
-            for one in &fallen[judged..] {
+            for one in &failed_participants[judged..] {
                 self.judge(run_state, one, &first)?;
             }
-            judged = fallen.len();
-            let done = self.recall(run_state, &mut fallen).and_then(|()| {
-                if fallen.len() > judged {
+            judged = failed_participants.len();
+            let done = self.recall(run_state, &mut failed_participants).and_then(|()| {
+                if failed_participants.len() > judged {
                     // Another participant failed meanwhile, and must be judged before anything is done.
                     return Ok(None);
                 }
-                self.recover(run_state, &fallen).map(Some)
+                self.recover(run_state, &failed_participants).map(Some)
             });
             match done {
                 Ok(Some(missing)) if missing.is_empty() => return Ok(()),
-                Ok(Some(missing)) => (fallen, judged) = (missing, 0),
+                Ok(Some(missing)) => (failed_participants, judged) = (missing, 0),
                 Ok(None) => {}
                 Err(RunFailure::Interrupted) => return Err(run_state.over(RunFailure::Interrupted)),
                 // The first failure matters most.
@@ -106,10 +106,14 @@ impl Processes {
         Err(Ending::Failed { participant, reason })
     }
 
-    /// Ends the processes of `fallen`, and brings all other participants to rest. A participant that fails before it rests is added
-    /// to `fallen`.
-    fn recall(&mut self, run_state: &mut RunState, fallen: &mut Vec<FailedParticipant>) -> Result<(), RunFailure> {
-        for one in fallen.iter() {
+    /// Ends the processes of `failed_participants`, and brings all other participants to rest. A participant that fails before it rests is added
+    /// to `failed_participants`.
+    fn recall(
+        &mut self,
+        run_state: &mut RunState,
+        failed_participants: &mut Vec<FailedParticipant>,
+    ) -> Result<(), RunFailure> {
+        for one in failed_participants.iter() {
             let handle = &mut self.handles[one.number];
             handle.process.bring_down(Duration::ZERO);
             handle.failed = None;
@@ -121,7 +125,7 @@ impl Processes {
         loop {
             let mut left = None;
             for number in 0..self.handles.len() {
-                if fallen.iter().any(|one| one.number == number) {
+                if failed_participants.iter().any(|one| one.number == number) {
                     continue;
                 }
                 match self.comes_to_rest(run_state, number)? {
@@ -129,7 +133,7 @@ impl Processes {
                     Ok(false) => left = Some(number),
                     Err(reason) => {
                         self.handles[number].process.bring_down(Duration::ZERO);
-                        fallen.push(FailedParticipant { number, reason });
+                        failed_participants.push(FailedParticipant { number, reason });
                     }
                 }
             }
@@ -142,7 +146,7 @@ impl Processes {
                 let limit = patience.limit_s();
                 let reason = format!("process {} did not come to rest within {limit} s", process.pid());
                 process.bring_down(Duration::ZERO);
-                fallen.push(FailedParticipant { number, reason });
+                failed_participants.push(FailedParticipant { number, reason });
             }
             std::thread::sleep(Duration::from_micros(300));
         }
@@ -187,37 +191,37 @@ impl Processes {
         }
     }
 
-    /// Continues the run as the scenario specifies; all participants are at rest except `fallen`, whose processes have ended. Returns
+    /// Continues the run as the scenario specifies; all participants are at rest except `failed_participants`, whose processes have ended. Returns
     /// those that fail meanwhile.
     fn recover(
         &mut self,
         run_state: &mut RunState,
-        fallen: &[FailedParticipant],
+        failed_participants: &[FailedParticipant],
     ) -> Result<Vec<FailedParticipant>, RunFailure> {
         // A different program would not reproduce the samples on the tape: a participant that fails while the run goes back is
         // restarted too.
-        let mut fallen_numbers = fallen.iter().map(|one| one.number);
-        if fallen_numbers.any(|number| {
+        let mut failed_numbers = failed_participants.iter().map(|one| one.number);
+        if failed_numbers.any(|number| {
             run_state.entries[number].on_failure == OnFailure::Restart || run_state.recorder().is_ahead_of(number)
         }) {
-            self.go_back(run_state, fallen)
+            self.go_back(run_state, failed_participants)
         } else {
-            self.replace(run_state, fallen)
+            self.replace(run_state, failed_participants)
         }
     }
 
-    /// Takes all participants back to the last checkpoint, and `fallen` in new processes, whatever their policy: no state of theirs
+    /// Takes all participants back to the last checkpoint, and `failed_participants` in new processes, whatever their policy: no state of theirs
     /// is lost that way.
     fn go_back(
         &mut self,
         run_state: &mut RunState,
-        fallen: &[FailedParticipant],
+        failed_participants: &[FailedParticipant],
     ) -> Result<Vec<FailedParticipant>, RunFailure> {
         let Some(checkpoint) = run_state.last_checkpoint.clone() else {
             return Err(RunFailure::Other("there is no checkpoint to go back to".into()));
         };
         let slots = prepare::seats_at(run_state, &checkpoint, |number| {
-            fallen.iter().any(|one| one.number == number)
+            failed_participants.iter().any(|one| one.number == number)
         });
         {
             let mut recorder = run_state.recorder();
@@ -231,7 +235,7 @@ impl Processes {
         run_state
             .clock
             .rewind(&run_state.scenario, &run_state.plan, run_state.substituted);
-        for one in fallen {
+        for one in failed_participants {
             let text = format!(
                 "restarted from the checkpoint at t = {}: {}",
                 checkpoint.time,
@@ -248,11 +252,11 @@ impl Processes {
         Ok(missing)
     }
 
-    /// Replaces `fallen` by other programs, at the activations that the failed ones had reached.
+    /// Replaces `failed_participants` by other programs, at the activations that the failed ones had reached.
     fn replace(
         &mut self,
         run_state: &mut RunState,
-        fallen: &[FailedParticipant],
+        failed_participants: &[FailedParticipant],
     ) -> Result<Vec<FailedParticipant>, RunFailure> {
         let mut cut = Cut { next: Vec::new() };
         let mut slots = Vec::new();
@@ -263,11 +267,11 @@ impl Processes {
                 None => self.stands(&run_state.recorder(), number),
             };
             cut.next.push(stands);
-            if run_state.recorder().is_liar(number) && stands == run_state.plan.participants[number].activations {
+            if run_state.recorder().is_offender(number) && stands == run_state.plan.participants[number].activations {
                 return Err(RunFailure::Other(NOTHING_LEFT.into()));
             }
             let (one, entry) = (
-                fallen.iter().find(|one| one.number == number),
+                failed_participants.iter().find(|one| one.number == number),
                 &run_state.entries[number],
             );
             slots.push(match (one, &entry.on_failure) {

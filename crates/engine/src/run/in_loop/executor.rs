@@ -269,8 +269,8 @@ impl Executor for Loop {
             .recorder()
             .forget(|_, number| steppers[number].next_activation());
         forgotten.map_err(|failure| run_state.over(failure))?;
-        let lie = run_state.recorder().take_lie();
-        if let Some((number, reason)) = lie {
+        let violation = run_state.recorder().take_violation();
+        if let Some((number, reason)) = violation {
             let participant = run_state.name(number).to_owned();
             return Err(Ending::Failed { participant, reason });
         }
@@ -333,7 +333,7 @@ impl Executor for Loop {
         state.ok_or_else(|| odd(entry, cannot_save(matches!(entry.program, Program::Fmu { .. }))))
     }
 
-    fn take_up(
+    fn continue_at(
         &mut self,
         run_state: &mut RunState,
         cut: &Cut,
@@ -402,7 +402,7 @@ impl Executor for Loop {
         Err(ending)
     }
 
-    fn note_fallen(&mut self, _: Vec<FailedParticipant>) {}
+    fn note_failures(&mut self, _: Vec<FailedParticipant>) {}
 
     fn processes(&self) -> String {
         format!("process {}", std::process::id())

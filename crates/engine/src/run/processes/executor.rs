@@ -57,7 +57,7 @@ pub(crate) struct Failures {
     /// How often each participant was restarted or replaced.
     pub(crate) restarts: Vec<Restarts>,
     /// The participants that failed besides the one that was reported, and were not handled yet.
-    pub(crate) fallen: Vec<FailedParticipant>,
+    pub(crate) unhandled: Vec<FailedParticipant>,
 }
 
 /// When the orchestrator last did each of its periodic tasks.
@@ -181,8 +181,8 @@ impl Processes {
 
     /// Fails if a guard has rejected a sample. The sample is on the tape, so a restart would have to produce it again.
     fn look_for_lies(&mut self, run_state: &mut RunState) -> Result<(), Ending> {
-        let lie = run_state.recorder().take_lie();
-        let Some((number, mut reason)) = lie else {
+        let violation = run_state.recorder().take_violation();
+        let Some((number, mut reason)) = violation else {
             return Ok(());
         };
         let entry = &mut run_state.entries[number];
@@ -287,7 +287,7 @@ impl Executor for Processes {
         handshake::save(&mut self.handles[number], &self.monitor)
     }
 
-    fn take_up(
+    fn continue_at(
         &mut self,
         run_state: &mut RunState,
         cut: &Cut,
@@ -312,8 +312,8 @@ impl Executor for Processes {
         self.survive_failure(run_state, ending)
     }
 
-    fn note_fallen(&mut self, fallen: Vec<FailedParticipant>) {
-        self.failures.fallen = fallen;
+    fn note_failures(&mut self, failed_participants: Vec<FailedParticipant>) {
+        self.failures.unhandled = failed_participants;
     }
 
     fn processes(&self) -> String {

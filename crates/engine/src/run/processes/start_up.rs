@@ -148,7 +148,7 @@ fn together(
         programs,
         failures: Failures {
             restarts: vec![Restarts::default(); entries.len()],
-            fallen: Vec::new(),
+            unhandled: Vec::new(),
         },
         placement: placement.reason,
         rounds: Rounds::new(options.patience()),

@@ -53,9 +53,9 @@ pub struct Recorder {
     /// How many events that do not follow from the samples have been recorded.
     pub(crate) told: usize,
     /// The first sample that a guard rejected: its participant, and the reason.
-    pub(crate) lie: Option<(usize, String)>,
+    pub(crate) violation: Option<(usize, String)>,
     /// The participants whose guard violations were reported, until another program provides their outputs.
-    liars: Vec<usize>,
+    offenders: Vec<usize>,
     /// The samples that were recorded before the run went back to a checkpoint, and are now recorded again.
     pub(crate) again: Option<Played>,
     /// The buffered samples of streams of which the tape leaves samples out, if the run may be resumed.
@@ -98,8 +98,8 @@ impl Recorder {
             latest: None,
             told: 0,
             early,
-            lie: None,
-            liars: Vec::new(),
+            violation: None,
+            offenders: Vec::new(),
             faults: faults::events(&plan),
             base: vec![0; plan.participants.len()],
             granted: Ticks::MAX,
@@ -293,11 +293,11 @@ impl Recorder {
         }
         for watch in self.watches.iter_mut().filter(|watch| watch.stream == number) {
             if let Some(what) = watch.look(header.index, header.stamp, payload, self.plan.timebase)
-                && self.lie.is_none()
+                && self.violation.is_none()
             {
                 let own = &self.plan.participants[participant];
                 let output = &own.interface.outputs[number - own.first_stream as usize].name;
-                self.lie = Some((participant, format!("gave out `{}.{output}` {what}", own.name)));
+                self.violation = Some((participant, format!("gave out `{}.{output}` {what}", own.name)));
             }
         }
         self.advance(header.stamp)
@@ -373,15 +373,15 @@ impl Recorder {
 
     /// The participant whose sample a guard rejected, and the reason; returned once. The sample is on the tape, and others may have
     /// seen it.
-    pub fn take_lie(&mut self) -> Option<(usize, String)> {
-        let lie = self.lie.take();
-        self.liars.extend(lie.iter().map(|(liar, _)| *liar));
-        lie
+    pub fn take_violation(&mut self) -> Option<(usize, String)> {
+        let violation = self.violation.take();
+        self.offenders.extend(violation.iter().map(|(offender, _)| *offender));
+        violation
     }
 
     /// Whether a guard rejected a sample of participant number `participant`.
-    pub fn is_liar(&self, participant: usize) -> bool {
-        self.liars.contains(&participant)
+    pub fn is_offender(&self, participant: usize) -> bool {
+        self.offenders.contains(&participant)
     }
 
     /// Another program provides the outputs of participant number `participant` from now on.
@@ -391,8 +391,8 @@ impl Recorder {
         let watches = self.watches.iter_mut();
         watches.filter(|watch| own[watch.stream]).for_each(Watch::renew);
         // Violations by the predecessor while it was shut down need no further report.
-        self.lie = self.lie.take().filter(|(liar, _)| *liar != participant);
-        self.liars.retain(|liar| *liar != participant);
+        self.violation = self.violation.take().filter(|(offender, _)| *offender != participant);
+        self.offenders.retain(|offender| *offender != participant);
     }
 
     /// The failure of the tape itself, if there was one: no participant is at fault.

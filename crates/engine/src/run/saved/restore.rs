@@ -266,7 +266,7 @@ impl Recorder {
         events.truncate(told);
         let samples = self.samples_before(&checkpoint.cut);
         self.store.cut_back(&self.lanes.on_tape(&samples))?;
-        (self.assessment, self.watches, self.lie, self.again) = (assessment, watches, None, None);
+        (self.assessment, self.watches, self.violation, self.again) = (assessment, watches, None, None);
         (self.faults, self.newest, self.told) = (faults::events(&plan), i64::MIN, 0);
         self.latest.iter_mut().for_each(Newest::forget);
         let counts = self.lanes.of_first(&samples);
@@ -284,7 +284,7 @@ impl Recorder {
         self.stand_at(&checkpoint.cut);
         self.came.clone_from(&self.reached);
         self.come_to(checkpoint.rest.as_ref(), &lacks)?;
-        self.lie = None;
+        self.violation = None;
         events.iter().try_for_each(|event| self.event(event))?;
         Ok(())
     }

@@ -32,12 +32,12 @@ pub(crate) fn attend(
                 other => other.map(|_| Vec::new()),
             },
         };
-        let fallen = done.map_err(|failure| {
+        let failed_participants = done.map_err(|failure| {
             run_state.clock.put_back(now, action);
             run_state.over(failure)
         })?;
         executor.renew_patience();
-        fell(executor, run_state, fallen)?;
+        fell(executor, run_state, failed_participants)?;
         if !executor.rests_at(now) {
             // The participants were moved and have to reach this rest again.
             break;
@@ -46,18 +46,20 @@ pub(crate) fn attend(
     Ok(None)
 }
 
-/// Reports the failure of `fallen`, without which the run was resumed, as an ending that the run may survive.
+/// Reports the failure of `failed_participants`, without which the run was resumed, as an ending that the run may survive.
 pub(crate) fn fell(
     executor: &mut dyn Executor,
     run_state: &RunState,
-    fallen: Vec<FailedParticipant>,
+    failed_participants: Vec<FailedParticipant>,
 ) -> Result<(), Ending> {
-    let Some(first) = fallen.first() else { return Ok(()) };
+    let Some(first) = failed_participants.first() else {
+        return Ok(());
+    };
     let ending = Ending::Failed {
         participant: run_state.name(first.number).to_owned(),
         reason: first.reason.clone(),
     };
-    executor.note_fallen(fallen);
+    executor.note_failures(failed_participants);
     Err(ending)
 }
 
@@ -140,17 +142,17 @@ fn substitute(
             None => Slot::Same(None),
         })
         .collect();
-    let mut fallen = executor.take_up(run_state, &cut, slots, false)?;
+    let mut failed_participants = executor.continue_at(run_state, &cut, slots, false)?;
     run_state.substituted = number + 1;
     {
         let mut recorder = run_state.recorder();
         recorder.renew(slot);
         recorder.event(&event)?;
     }
-    if fallen.is_empty() {
-        fallen.extend(keep_for_restarts(executor, run_state, run_state.time(now), cut)?);
+    if failed_participants.is_empty() {
+        failed_participants.extend(keep_for_restarts(executor, run_state, run_state.time(now), cut)?);
     }
-    Ok(fallen)
+    Ok(failed_participants)
 }
 
 /// Waits for the user; returns whether the run continues.

@@ -18,7 +18,7 @@ use lockstep::wire;
 use crate::parts::{Motion, Push};
 
 /// Its slot in a run, with the ends of its links.
-pub struct Liar {
+pub struct Offender {
     /// Its part of the plan.
     pub assignment: Assignment,
     /// The destination of its samples.
@@ -33,11 +33,11 @@ pub struct Liar {
 }
 
 /// The answers of the healthy damper.
-pub fn honest_reply(request: &Request) -> Reply {
+pub fn conforming_reply(request: &Request) -> Reply {
     match request {
         Request::Hello { .. } => Reply::Hello {
             protocol: PROTOCOL,
-            program: "liar".into(),
+            program: "offender".into(),
         },
         Request::Configure { .. } => Reply::Described {
             interface: Interface::new(Kind::Sampled)
@@ -49,7 +49,7 @@ pub fn honest_reply(request: &Request) -> Reply {
 }
 
 /// Joins the run in the damper's slot; `reply` returns the bytes of each answer, or none to stay silent, and `act` runs after the start.
-pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Liar)) -> ExitCode {
+pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Offender)) -> ExitCode {
     let variable = |name| std::env::var(name).expect("started by an orchestrator");
     let (address, name) = (variable(lockstep::host::ADDRESS), variable(lockstep::host::PARTICIPANT));
     let domain = Domain::enter(address.parse().expect("an address"), &name).expect("the run is there");
@@ -85,7 +85,7 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
         link(from.link, size_of::<Motion>(), from.capacity),
         link(to.link, size_of::<Push>(), to.capacity),
     ];
-    let mut liar = Liar {
+    let mut offender = Offender {
         clock: ClockReader::open(&domain).expect("a clock"),
         input: links[0].receiver(&domain).expect("a subscriber"),
         output: links[1].sender(&domain).expect("a publisher"),
@@ -96,11 +96,11 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
         _links: links,
         domain,
     };
-    while liar.clock.horizon() == Ticks::MIN {
+    while offender.clock.horizon() == Ticks::MIN {
         nap();
     }
-    act(&mut liar);
-    while liar.clock.command() == Command::Run {
+    act(&mut offender);
+    while offender.clock.command() == Command::Run {
         nap();
     }
     ExitCode::SUCCESS
@@ -111,7 +111,7 @@ fn record(domain: &Domain, name: &str, stream: u32) -> SharedRecord {
     SharedRecord(Rc::new(RefCell::new(sender)))
 }
 
-impl Liar {
+impl Offender {
     /// The correct header of sample `k`.
     pub fn header(&self, k: u64) -> Header {
         let stamp = self.assignment.sample_time.instant(k);
@@ -142,8 +142,8 @@ impl Liar {
                     .or(newest);
                 self.look();
             }
-            self.record(None, self.header(k), &Liar::payload(k));
-            self.send(self.header(k), &Liar::payload(k));
+            self.record(None, self.header(k), &Offender::payload(k));
+            self.send(self.header(k), &Offender::payload(k));
         }
     }
 
