@@ -177,7 +177,7 @@ fn status_counts_no_point_that_runs_again() {
     let said = status(&out, &[]);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.out.contains("5 of 6 points, 1 crashed"), "{said:?}");
-    assert!(said.out.contains("goes on with: sweep run"), "{said:?}");
+    assert!(said.out.contains("continue with: sweep run"), "{said:?}");
     let part = status(&out, &["--json"]).json()["parts"][0].clone();
     assert_eq!(
         (&part["done"], &part["failed"], &part["crashed"]),

@@ -257,7 +257,7 @@ fn drawn_campaign_grows_where_its_draws_stay() {
         &scenario,
         "none",
         &["--points", "4"],
-        &["--points", "no campaign file", "--seeds"],
+        &["--points", "is not a campaign file", "--seeds"],
     );
 }
 

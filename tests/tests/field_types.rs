@@ -138,7 +138,7 @@ fn texts_and_bytes_give_one_tape_and_are_exported() {
     let table = walk(folder.path(), "beacon.beacon.csv");
     let lines: Vec<&str> = table.lines().collect();
     assert!(
-        lines[0].starts_with("t [s],count [1],frame,phase,state,"),
+        lines[0].starts_with("t [s],count [1],frame,phase,state"),
         "{}",
         lines[0]
     );

@@ -171,6 +171,15 @@ fn delays() -> Vec<String> {
         .into()
 }
 
+/// The number of samples in transit is the order of the sampled loop, so a long delay would take the memory and the time of its eigenvalues.
+#[test]
+fn velocity_loop_with_a_long_delay_is_not_analysed() {
+    let said = check("close", &["connections.command.delay=\"1 h\"".to_owned()], false);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let expected = "participants.controller.parameters.gains: the stability of the velocity loop is not analysed: 3600.0 s of delay";
+    assert!((said.out + &said.err).contains(expected), "{expected}");
+}
+
 /// Every stock scenario flies gains that are stable with the stated margin at the start, when pointing and at the grasp, with
 /// the delays it has; and with those for which the gains were tuned.
 #[test]

@@ -429,7 +429,10 @@ at-most = "1 m"
         refused
     };
     assert_eq!(refused.code, Some(2), "{refused:?}");
-    assert!(refused.err.contains("the streams are"), "{refused:?}");
+    assert!(
+        refused.err.contains("there is no stream `brake.seen.motion`"),
+        "{refused:?}"
+    );
 }
 
 #[test]

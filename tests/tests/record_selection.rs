@@ -158,7 +158,7 @@ fn entries_that_do_not_fit_are_refused_with_file_and_key() {
         (
             "plant.motion = { every = \"2.5 ms\" }",
             "record.plant.motion.every",
-            "no whole multiple of the period",
+            "is not a whole multiple of the period",
         ),
         (
             "plant.motion = { every = \"0 s\" }",

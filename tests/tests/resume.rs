@@ -178,7 +178,7 @@ fn branch_does_not_depend_on_the_checkpoint_before_it() {
     );
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(
-        said.err.contains("--from 10 s") && said.err.contains("ends at 10 s"),
+        said.err.contains("--from 10 s") && said.err.contains("is not before the end at 10 s"),
         "{said:?}"
     );
     assert_nothing_beside(

@@ -327,7 +327,9 @@ fn programs_that_a_catalogue_knows_run_in_this_process() {
         .err()
         .unwrap();
     assert!(
-        refused.to_string().contains("`plant`: it is a program of its own"),
+        refused
+            .to_string()
+            .contains("participant `plant` is a program of its own"),
         "{refused}"
     );
     let folder = Folder::new("within");

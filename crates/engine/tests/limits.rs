@@ -90,7 +90,7 @@ const UNFIT: [(&str, &str, &str); 14] = [
     (
         "of = 'nowhere.out.x'\ncompute = 'max'",
         "of",
-        "the streams are `near.out`, `far.out`",
+        "there is no stream `nowhere.out`; there is `near.out`, `far.out`",
     ),
     (
         "of = 'near.out.v[3]'\ncompute = 'max'",

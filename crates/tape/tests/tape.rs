@@ -109,7 +109,7 @@ fn what_does_not_fit_is_refused_and_leaves_no_trace() {
         writer.append(0, 2, 0.002, &good),
         &["plant.truth", "sample 2", "1 was due"],
     );
-    check(writer.append(0, 1, 0.001, &good[1..]), &["47 bytes", "says 48"]);
+    check(writer.append(0, 1, 0.001, &good[1..]), &["47 bytes", "has 48"]);
     check(
         writer.append(0, 1, 0.001_000_1, &good),
         &["stamped 0.0010001 s", "0.001 s"],

@@ -26,6 +26,10 @@ pub const GAIN_MARGIN: f64 = 1.25;
 /// … and, at its own gains, with commands delayed by this fraction of the controller's period.
 pub const DELAY_MARGIN_PERIODS: f64 = 0.5;
 
+/// The longest delay around the loop that is analysed, controller periods. Every period in transit adds the samples of all channels to the
+/// states, and the eigenvalues take the cube of their number: beyond this the analysis would take seconds.
+const DELAY_MAX_PERIODS: f64 = 30.0;
+
 /// The loop of one controller.
 #[derive(Debug, Clone, Serialize)]
 pub struct VelocityLoop {
@@ -35,7 +39,7 @@ pub struct VelocityLoop {
     pub measured_delay_s: f64,
     /// Delay until its command takes effect, s.
     pub command_delay_s: f64,
-    /// The results of the analysis, along the path.
+    /// The results of the analysis, along the path; none if the delay is too long for it.
     pub configurations: Vec<Assessed>,
 }
 
@@ -92,6 +96,9 @@ pub fn findings(scenario: &Scenario) -> Vec<Finding> {
 
 impl VelocityLoop {
     fn describe(&self) -> String {
+        if self.configurations.is_empty() {
+            return self.unknown();
+        }
         let mut text = format!(
             "velocity loop of {}, {:.1} ms of delay before it and {:.1} ms behind it: spectral radius",
             self.controller,
@@ -111,7 +118,22 @@ impl VelocityLoop {
         text
     }
 
+    fn unknown(&self) -> String {
+        format!(
+            "the stability of the velocity loop is not analysed: {:.1} s of delay around it are more than {DELAY_MAX_PERIODS} periods of the \
+             controller",
+            self.measured_delay_s + self.command_delay_s
+        )
+    }
+
     fn remark(&self) -> Option<String> {
+        if self.configurations.is_empty() {
+            return Some(format!(
+                "participants.{}.parameters.gains: {}",
+                self.controller,
+                self.unknown()
+            ));
+        }
         let worst = |largest: fn(&Assessed) -> f64| {
             let all = self.configurations.iter();
             all.max_by(|a, b| largest(a).total_cmp(&largest(b)))
@@ -181,8 +203,11 @@ fn assess(scenario: &Scenario, controller: &Entry) -> Option<VelocityLoop> {
     };
     let gains = controller_proc::VelocityLoop::new(&controller.setup).ok()?;
     let robot = robot(&plant.setup)?;
+    let around = timing.sensor_delay_s + timing.command_delay_s;
+    let analysed = around <= DELAY_MAX_PERIODS * timing.controller_period_s;
     let assessed = configurations
         .into_iter()
+        .filter(|_| analysed)
         .map(|configuration| assess_at(&timing, &robot, &gains, configuration));
     Some(VelocityLoop {
         controller: name.clone(),

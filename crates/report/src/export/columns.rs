@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use lockstep::port::{Content, Element, Field};
+use lockstep::port::{Content, Descriptor, Element, Field};
 
 use tape::StreamSpec;
 
@@ -57,6 +57,14 @@ pub(super) const TIME: &str = "t [s]";
 /// The fields of a stream that are exported: all but padding, which has no meaning.
 pub(super) fn fields(spec: &StreamSpec) -> impl Iterator<Item = &Field> {
     spec.descriptor.fields.iter().filter(|field| !field.is_padding())
+}
+
+/// The descriptor of a stream with only the fields that are exported.
+pub(super) fn descriptor(spec: &StreamSpec) -> Descriptor {
+    Descriptor {
+        fields: fields(spec).cloned().collect(),
+        ..spec.descriptor.clone()
+    }
 }
 
 /// The columns of a stream after the stamp.

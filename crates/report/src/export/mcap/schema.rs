@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use lockstep::port::{Content, Descriptor, Element, Field};
 
 use super::proto;
-use crate::export::columns::{distinct, fields, is_wide};
+use crate::export::columns::{descriptor, distinct, is_wide};
 use tape::StreamSpec;
 
 /// `FieldDescriptorProto.Type`.
@@ -195,10 +195,7 @@ fn small(element: Element, bytes: &[u8]) -> u64 {
 
 impl Names {
     pub(super) fn schema(&mut self, spec: &StreamSpec) -> Schema {
-        let descriptor = &Descriptor {
-            fields: fields(spec).cloned().collect(),
-            ..spec.descriptor.clone()
-        };
+        let descriptor = &descriptor(spec);
         let plain = identifier(&descriptor.name);
         let mut name = plain.clone();
         let mut n = 1;

@@ -16,7 +16,7 @@ use std::io::BufWriter;
 use lockstep::port::{Content, Element};
 use serde_json::json;
 
-use super::columns::{Column, TIME, columns};
+use super::columns::{Column, TIME, columns, descriptor};
 use super::file::{About, Counted, WriteError};
 use crate::page::base64;
 use footer::{BOOLEAN, Chunk, Leaf, describe};
@@ -137,7 +137,7 @@ fn footer(
         "offset": spec.offset,
         "period": spec.period,
         "first_index": spec.first_index,
-        "descriptor": spec.descriptor,
+        "descriptor": descriptor(spec),
     });
     let known = about
         .iter()
