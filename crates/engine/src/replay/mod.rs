@@ -15,7 +15,7 @@ use lockstep::participant::Interface;
 use lockstep::time::Rational;
 use tape::compare::{Comparison, compare};
 use tape::folder::RunFolder;
-use tape::{ReadError, Reader, Selection, Source};
+use tape::{ReadError, Reader, Selection, Source, is_file};
 
 use crate::run::{Ending, Options, Run, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioError, ScenarioSpec};
@@ -86,7 +86,7 @@ impl Replay {
     /// Everything that does not fit; nothing has been started then.
     pub fn plan(request: &Request<'_>) -> Result<Replay, ReplayError> {
         let file = RunFolder::open(request.folder).plan();
-        if !file.is_file() {
+        if !is_file(&file)? {
             return Err(ReplayError::NoRun(request.folder.to_owned()));
         }
         let reader = Reader::open(request.folder)?;
