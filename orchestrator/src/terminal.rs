@@ -20,6 +20,8 @@ struct Terminal {
     counted: Option<Counted>,
     /// Whether a pause is waiting for a line of input.
     asks: bool,
+    /// What is to be said when the run has begun.
+    begun: Option<String>,
 }
 
 /// Completed points of a campaign, since the first observation.
@@ -52,6 +54,11 @@ impl Counted {
 
 /// Progress output to the terminal. With `quiet`, only notices are shown.
 pub fn progress(quiet: bool) -> Progress {
+    progress_with(quiet, None)
+}
+
+/// The same, with the notice `begun` as soon as the run has been accepted and begins.
+pub fn progress_with(quiet: bool, begun: Option<String>) -> Progress {
     Progress::new(Terminal {
         line: Line::new(quiet),
         started: Instant::now(),
@@ -59,6 +66,7 @@ pub fn progress(quiet: bool) -> Progress {
         duration_s: 0.0,
         counted: None,
         asks: false,
+        begun,
     })
 }
 
@@ -108,6 +116,9 @@ impl Observer for Terminal {
             Event::Begun { duration_s } => {
                 self.duration_s = duration_s;
                 self.from_s = None;
+                if let Some(words) = self.begun.take() {
+                    self.line.notice(&words);
+                }
             }
             Event::Time { t_s } => {
                 let Some(from_s) = self.from_s else {

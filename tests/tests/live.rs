@@ -204,6 +204,19 @@ fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
     assert!(matches!(run.end().code, Some(0 | 3)), "it stays until it is told to go");
 }
 
+#[test]
+fn a_run_that_is_refused_has_no_address() {
+    let folder = Folder::new("live-refused");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    std::fs::create_dir(&out).unwrap();
+    std::fs::write(out.join("notes.txt"), "work of years").unwrap();
+    let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--force", "--live"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("is not replaced"), "{said:?}");
+    assert!(!said.err.contains("live: "), "{said:?}");
+}
+
 /// Requests that do not come from the page: their content, and the status that they receive.
 fn hostile() -> [(&'static str, String, u16); 10] {
     let resume = "Content-Type: application/json\nContent-Length: 16\n\n{\"do\": \"resume\"}";

@@ -1,7 +1,7 @@
 //! Another user of the machine can neither read nor write what belongs to a run, whatever the user's umask.
 
 use std::fs;
-use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -204,4 +204,45 @@ fn doctor_leaves_the_objects_of_another_user() {
     }
     assert!(running.objects().len() >= 10, "{:?}", running.objects());
     running.end();
+}
+
+#[test]
+fn a_run_of_another_user_is_refused_with_the_real_reason() {
+    let files = Folder::new("of-another");
+    let scenario = oscillator(&files, "damper");
+    let out = files.path().join("run");
+    let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let run = text(&out);
+    for arguments in [
+        &["compare", run, run][..],
+        &["report", run],
+        &["export", run, "--to", "csv"],
+        &["replay", run, "-p", "damper"],
+        &["resume", run],
+        &["measure", run],
+    ] {
+        let Some(said) = as_nobody(arguments) else { return };
+        let words = String::from_utf8_lossy(&said.stderr);
+        assert_eq!(said.status.code(), Some(2), "{arguments:?}: {words}");
+        assert!(
+            words.contains("Permission denied") && words.contains("chmod"),
+            "{arguments:?}: {words}"
+        );
+    }
+}
+
+#[test]
+fn an_existing_folder_keeps_its_mode() {
+    let files = Folder::new("modes");
+    let scenario = oscillator(&files, "damper");
+    let out = files.path().join("run");
+    fs::create_dir(&out).unwrap();
+    for (mode, force) in [(0o755, &[][..]), (0o755, &["--force"]), (0o750, &["--force"])] {
+        fs::set_permissions(&out, fs::Permissions::from_mode(mode)).unwrap();
+        let arguments = ["run", text(&scenario), "--out", text(&out), "--duration", "1 s"];
+        let said = orchestrate(&[&arguments[..], force].concat());
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(fs::metadata(&out).unwrap().mode() & 0o7777, mode);
+    }
 }

@@ -176,6 +176,23 @@ fn what_does_not_fit_is_refused_with_the_difference() {
 }
 
 #[test]
+fn a_replay_that_is_stopped_claims_nothing_beyond_its_last_sample() {
+    let folder = Folder::new("replay-stopped");
+    let run = recorded(&folder, &oscillator(&folder, "damper"), &[]);
+    // Without input the pause has no answer, and the replay is stopped there.
+    let arguments = ["replay", text(&run), "-p", "damper", "--wait-for-debugger=1s"];
+    let said = orchestrate(&arguments);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("stopped at t = 1 s") && said.out.contains("up to t = 0.99 s:"),
+        "{said:?}"
+    );
+    assert!(said.out.contains("identical: 100 samples"), "{said:?}");
+    let said = orchestrate(&[&arguments[..], &["--json"]].concat());
+    assert_eq!(said.json()["to_s"], 0.99, "{said:?}");
+}
+
+#[test]
 fn a_debugger_has_time_before_the_first_step() {
     let folder = Folder::new("replay-debugger");
     let scenario = oscillator(&folder, "damper");

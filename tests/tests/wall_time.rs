@@ -246,6 +246,31 @@ fn trace_of_one_loop_has_the_steps_of_all_participants() {
 }
 
 #[test]
+fn what_was_written_into_a_run_folder_on_request_is_replaced_with_the_run() {
+    let world = World::new("within", "damper");
+    let out = world.path("run");
+    let within = |name: &str| out.join(name);
+    let trace = within("trace.json");
+    for _ in 0..2 {
+        let said = world.run("run", &["--duration", "1 s", "--force", "--trace", text(&trace)]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let (page, figures, csv) = (within("mine.html"), within("figures"), within("csv"));
+        for arguments in [
+            &["report", text(&out), "--out", text(&page), "--figures", text(&figures)][..],
+            &["export", text(&out), "--to", "csv", "--out", text(&csv)],
+        ] {
+            let said = orchestrate(arguments);
+            assert_eq!(said.code, Some(0), "{said:?}");
+        }
+    }
+    std::fs::write(within("csv/notes.txt"), "work of years").unwrap();
+    let said = world.run("run", &["--duration", "1 s", "--force"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("`csv/notes.txt` in it does not belong"), "{said:?}");
+    assert!(within("csv/notes.txt").exists() && trace.exists());
+}
+
+#[test]
 fn trace_that_cannot_be_written_is_refused() {
     let world = World::new("untraceable", "damper");
     let said = world.run("run", &["--trace", "/no/such/folder/trace.json"]);

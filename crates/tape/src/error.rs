@@ -177,6 +177,15 @@ pub enum ReadError {
         /// The folder.
         path: PathBuf,
     },
+    /// The user may not look into the folder.
+    #[error("{}: cannot be read: {source}; a run folder is accessible only to the user who recorded it, until that user runs \
+        `chmod a+rx` on it", path.display())]
+    NoAccess {
+        /// The file that was looked for.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
     /// The file system returned an error.
     #[error("{}: cannot read: {source}", path.display())]
     Io {

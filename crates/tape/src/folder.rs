@@ -6,12 +6,15 @@
 //! summary.json               verdict and figures of merit
 //! log/<participant>.stderr   what each participant said
 //! tape/                      see `tape`
+//! outputs.json               what was written into the folder on request
 //! ```
 
 mod claim;
+mod outputs;
 mod place;
 mod utc;
 
 pub use claim::Claim;
+pub use outputs::note_outputs;
 pub use place::{FolderError, RunFolder, private};
 pub use utc::{utc_compact, utc_text};

@@ -46,7 +46,7 @@ pub use events::{Event, EventKind};
 pub use excerpt::{Choice, Excerpt};
 pub use format::FORMAT_VERSION;
 pub use memory::{DigestSink, MemoryTape};
-pub use reader::{Reader, Torn, digest_of};
+pub use reader::{Reader, Torn, digest_of, is_file};
 pub use selection::Selection;
 pub use sink::Sink;
 pub use source::{FieldRef, Record, Records, Source, split as split_record};

@@ -1,7 +1,7 @@
 //! Reading a tape, which may be damaged or still being written.
 
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::{self, ErrorKind, Read};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -45,13 +45,30 @@ pub struct Torn {
     pub bytes: u64,
 }
 
+/// Whether there is a regular file at `path`.
+///
+/// # Errors
+/// When that cannot be known, because a folder on the way cannot be looked into.
+pub fn is_file(path: &Path) -> Result<bool, ReadError> {
+    let path = path.to_owned();
+    match fs::metadata(&path) {
+        Ok(about) => Ok(about.is_file()),
+        Err(source) if source.kind() == ErrorKind::PermissionDenied => Err(ReadError::NoAccess { path, source }),
+        Err(source) if matches!(source.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(false),
+        Err(source) => Err(ReadError::Io { path, source }),
+    }
+}
+
 impl Reader {
     /// Opens the tape in `dir`, which is a `tape` folder or a run folder that contains one.
     pub fn open(dir: &Path) -> Result<Reader, ReadError> {
-        let dir = [dir.join("tape"), dir.to_owned()]
-            .into_iter()
-            .find(|dir| dir.join("index.json").is_file())
-            .ok_or_else(|| ReadError::NoTape { path: dir.to_owned() })?;
+        let mut found = None;
+        for place in [dir.join("tape"), dir.to_owned()] {
+            if found.is_none() && is_file(&place.join("index.json"))? {
+                found = Some(place);
+            }
+        }
+        let dir = found.ok_or_else(|| ReadError::NoTape { path: dir.to_owned() })?;
         let path = dir.join("index.json");
         let streams = read_index(&path)?;
         let mut lanes = Vec::with_capacity(streams.len());

@@ -11,6 +11,7 @@ use report::page::scene_of;
 use tape::folder::RunFolder;
 use tape::{Choice, Excerpt, ReadError, Source};
 
+use super::outputs::note;
 use super::trust::{Trust, name_torn, told};
 use crate::arguments::{instant, model};
 use crate::catalogue::catalogue;
@@ -153,6 +154,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
                     }
                 }
             }
+            note(&files);
             for file in &files {
                 println!("{}", file.display());
             }

@@ -22,6 +22,7 @@ pub mod measure;
 #[cfg(feature = "capture")]
 pub mod model;
 pub mod new;
+mod outputs;
 pub mod participant;
 mod points;
 pub mod project;

@@ -8,6 +8,7 @@ use anyhow::Context;
 use clap::Args;
 use report::page::{Report, Request};
 
+use super::outputs::note;
 use super::trust::{Trust, told};
 use crate::arguments::model;
 use crate::catalogue::catalogue;
@@ -70,11 +71,18 @@ pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
     let page = args.out.clone().unwrap_or_else(|| args.runs[0].join("report.html"));
     let html = report.html();
     fs::write(&page, &html).with_context(|| format!("{}: cannot write the page", page.display()))?;
+    let mut files = vec![page.clone()];
     if let Some(dir) = &args.figures {
-        let count = report.write_figures(dir)?;
+        let drawn = report.write_figures(dir)?;
+        let count = drawn
+            .iter()
+            .filter(|file| file.extension() == Some("svg".as_ref()))
+            .count();
         println!("{} ({count} figures)", dir.display());
+        files.extend(drawn);
     }
     drop(busy);
+    note(&files);
     println!(
         "{} ({:.1} MB, {:.2} s)",
         page.display(),

@@ -37,11 +37,16 @@ pub struct ResumeArgs {
 /// Continues a run in a new folder; the original one is not changed.
 pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     let folder = RunFolder::open(&args.run);
-    if !folder.plan().is_file() {
-        eprintln!(
-            "error: {} is not the folder of a run: there is no plan.toml in it",
+    let refused = match tape::is_file(&folder.plan()) {
+        Ok(true) => None,
+        Ok(false) => Some(format!(
+            "{} is not the folder of a run: there is no plan.toml in it",
             args.run.display()
-        );
+        )),
+        Err(error) => Some(error.to_string()),
+    };
+    if let Some(reason) = refused {
+        eprintln!("error: {reason}");
         return Ok(2);
     }
     let (checkpoint, left_out) = match Checkpoint::find(&folder.checkpoints(), args.from) {

@@ -128,9 +128,12 @@ fn executed(
             return Ok((2, None));
         }
     };
+    // Before the run is accepted there is nothing to see at the address.
+    let address = server.as_ref().map(|(server, _)| format!("live: {}", server.url()));
     let options = Options {
         origin,
         steering: server.as_ref().map(|(_, steering)| steering.clone()),
+        progress: terminal::progress_with(how.common.quiet, address),
         ..options(how)
     };
     if how.in_process && how.common.json {
@@ -224,7 +227,6 @@ fn live(how: &HowArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
     let steering = Arc::new(Steering::default());
     let server =
         Server::start(port, steering.clone(), catalogue().views()).map_err(|error| live::refusal(port, &error))?;
-    eprintln!("live: {}", server.url());
     Ok(Some((server, steering)))
 }
 

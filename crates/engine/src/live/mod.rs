@@ -4,6 +4,7 @@
 //! the files; the run never waits for a browser.
 
 mod http;
+mod pages;
 mod server;
 mod steering;
 

@@ -5,7 +5,7 @@
 //! address as their host (a name that resolves to it is rejected) and, where the browser states their origin, come from our
 //! own page; only a POST with a JSON body changes anything; and no other page may read an answer.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::io::{self, Read};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 
 use super::Steering;
 use super::http::{self, Bad, Request};
+use super::pages::Pages;
 use super::steering::{Course, LiveCommand};
 
 /// Maximum number of requests of our own page served at once; more are rejected.
@@ -27,24 +28,14 @@ const CONNECTIONS: usize = 16;
 const SILENT: usize = 64;
 /// Maximum time for a browser to accept an answer.
 const WRITE: Duration = Duration::from_secs(5);
-/// A page that has not sent a request for this long counts as closed.
-const ABSENT: Duration = Duration::from_secs(3);
 /// Maximum time that the end waits for pages to fetch the result.
 const FAREWELL: Duration = Duration::from_secs(5);
 /// After reading the run the server pauses for this multiple of the time that the reading took, for any number of pages:
 /// reading takes at most a tenth of a core. Building the answers comes on top, once for each request.
 const RESTS: u32 = 9;
-/// Maximum number of known pages.
-const PAGES: usize = 32;
 const JSON: &str = "application/json";
 const HTML: &str = "text/html";
 const TEXT: &str = "text/plain";
-
-/// A page that has sent a request.
-struct Page {
-    seen: Instant,
-    has_result: bool,
-}
 
 /// The report of the run, and the earliest time of the next reading.
 #[derive(Default)]
@@ -61,7 +52,7 @@ struct Shared {
     /// Opened at the first request of a page.
     live: Mutex<Watched>,
     result: Mutex<Option<Arc<Vec<u8>>>>,
-    pages: Mutex<BTreeMap<String, Page>>,
+    pages: Mutex<Pages>,
     connections: AtomicUsize,
     /// Connections that have not sent a valid request, each with its number, the oldest first.
     silent: Mutex<VecDeque<(u64, TcpStream)>>,
@@ -90,7 +81,7 @@ impl Server {
             views: views.to_vec(),
             live: Mutex::new(Watched::default()),
             result: Mutex::new(None),
-            pages: Mutex::new(BTreeMap::new()),
+            pages: Mutex::default(),
             connections: AtomicUsize::new(0),
             silent: Mutex::default(),
         });
@@ -109,18 +100,15 @@ impl Server {
     /// Called when the run folder is complete. Waits for open pages to fetch the result, for a bounded time.
     pub fn finish(&self, how: String) {
         // The result is built here, with the priority of the run; the server's threads have a lower one.
-        if !locked(&self.shared.pages).is_empty() {
+        if locked(&self.shared.pages).wait(Instant::now()) {
             let _ = self.shared.whole();
         }
         self.shared.steering.end(how);
         let since = Instant::now();
-        let waits = |page: &Page| !page.has_result && page.seen.elapsed() < ABSENT;
-        while since.elapsed() < FAREWELL && locked(&self.shared.pages).values().any(waits) {
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        // The last answer may still be in transmission.
-        while since.elapsed() < FAREWELL && self.shared.connections.load(Ordering::Relaxed) > 0 {
-            std::thread::sleep(Duration::from_millis(2));
+        // An answer in transmission may be the result, or a page that will ask for it.
+        let busy = || self.shared.connections.load(Ordering::Relaxed) > 0;
+        while since.elapsed() < FAREWELL && (busy() || locked(&self.shared.pages).wait(Instant::now())) {
+            std::thread::sleep(Duration::from_millis(5));
         }
     }
 }
@@ -179,13 +167,12 @@ fn serve(stream: &mut TcpStream, number: u64, shared: &Shared) {
         text(503, "too many connections")
     };
     let sent = write_within(stream, status, kind, &body);
-    shared.connections.fetch_sub(1, Ordering::Relaxed);
     if let (Ok(()), 200, Some(id)) = (sent, status, page_id(&request))
         && request.path.ends_with("/result")
-        && let Some(page) = locked(&shared.pages).get_mut(id)
     {
-        page.has_result = true;
+        locked(&shared.pages).serve_result(id);
     }
+    shared.connections.fetch_sub(1, Ordering::Relaxed);
 }
 
 /// Limits the total time of an answer, so that a browser that reads a few bytes at a time cannot keep its connection for
@@ -342,24 +329,17 @@ impl Shared {
                 "state": self.steering.state(),
             })
         };
-        match self.with_live(|live, course| live.page(&about(course))) {
-            Ok(Some(page)) => (200, HTML, page.into_bytes()),
-            Ok(None) => (200, HTML, SOON.to_vec()),
-            Err(error) => text(500, &error.to_string()),
-        }
+        let page = match self.with_live(|live, course| live.page(&about(course))) {
+            Ok(page) => page,
+            Err(error) => return text(500, &error.to_string()),
+        };
+        locked(&self.pages).send(page.is_none(), Instant::now());
+        (200, HTML, page.map_or_else(|| SOON.to_vec(), String::into_bytes))
     }
 
     fn news(&self, request: &Request) -> Answer {
         if let Some(id) = page_id(request) {
-            let mut pages = locked(&self.pages);
-            pages.retain(|_, page| page.seen.elapsed() < ABSENT);
-            if pages.len() < PAGES || pages.contains_key(id) {
-                let page = pages.entry(id.to_owned()).or_insert(Page {
-                    seen: Instant::now(),
-                    has_result: false,
-                });
-                page.seen = Instant::now();
-            }
+            locked(&self.pages).hear(id, Instant::now());
         }
         let have = request.parameter("have").unwrap_or_default();
         let have: Vec<u64> = have.split('-').filter_map(|number| number.parse().ok()).collect();

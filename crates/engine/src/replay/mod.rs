@@ -15,7 +15,7 @@ use lockstep::participant::Interface;
 use lockstep::time::Rational;
 use tape::compare::{Comparison, compare};
 use tape::folder::RunFolder;
-use tape::{ReadError, Reader, Selection, Source};
+use tape::{ReadError, Reader, Selection, Source, is_file};
 
 use crate::run::{Ending, Options, Run, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioError, ScenarioSpec};
@@ -66,7 +66,7 @@ pub struct Found {
     pub comparison: Result<Comparison, String>,
     /// Remarks for a reader of the result.
     pub notes: Vec<String>,
-    /// The instant before which all activations were replayed, s.
+    /// The instant before which all activations were replayed, s; the stamp of its newest sample for a replay that ended earlier.
     pub to_s: f64,
 }
 
@@ -86,7 +86,7 @@ impl Replay {
     /// Everything that does not fit; nothing has been started then.
     pub fn plan(request: &Request<'_>) -> Result<Replay, ReplayError> {
         let file = RunFolder::open(request.folder).plan();
-        if !file.is_file() {
+        if !is_file(&file)? {
             return Err(ReplayError::NoRun(request.folder.to_owned()));
         }
         let reader = Reader::open(request.folder)?;
@@ -163,7 +163,11 @@ impl Replay {
         };
         // Both are compared as far as both have samples; a note reports where one of them has more.
         let (mut recording, mut replay) = (own(&self.reader), own(&replayed));
-        let uncompared = uncompared(&self.participant, &recording, duration_s);
+        let to_s = match outcome.ending {
+            Ending::Complete => duration_s,
+            _ => newest_s(&replayed, &replay),
+        };
+        let uncompared = uncompared(&self.participant, &recording, to_s);
         replay.retain_mut(|(at, count)| {
             let spec = &replayed.streams()[*at];
             let twin = recording
@@ -201,9 +205,20 @@ impl Replay {
                 _ => Ok(comparison),
             },
             notes,
-            to_s: duration_s,
+            to_s,
         })
     }
+}
+
+/// The newest stamp of streams of a tape, each with its number of samples, s; 0 without a sample.
+fn newest_s(reader: &Reader, streams: &[(usize, u64)]) -> f64 {
+    let stamp = |&(stream, count): &(usize, u64)| {
+        let spec = &reader.streams()[stream];
+        let last = i64::try_from(count.checked_sub(1)?).ok()?;
+        spec.period.checked_mul(last)?.checked_add(spec.offset)
+    };
+    let newest = streams.iter().filter_map(stamp).max();
+    newest.map_or(0.0, Rational::seconds)
 }
 
 /// Why no sample of `participant` was compared, whose streams on the tape are `recording`, each with its number of samples.

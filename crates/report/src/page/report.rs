@@ -1,7 +1,7 @@
 //! The report of runs: read, drawn, written.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use tape::Source;
@@ -74,11 +74,11 @@ impl Report {
     }
 
     /// Writes figures of the page as `<id>.svg` and `<id>.png` into the folder `dir`, which is created if missing: the
-    /// chosen figures, or where none were chosen, those of all fields. Returns their number.
+    /// chosen figures, or where none were chosen, those of all fields. Returns the files.
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn write_figures(&self, dir: &Path) -> Result<usize, ReportError> {
+    pub fn write_figures(&self, dir: &Path) -> Result<Vec<PathBuf>, ReportError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
             move |error: std::io::Error| ReportError::File {
@@ -89,7 +89,7 @@ impl Report {
         fs::create_dir_all(dir).map_err(failed(dir))?;
         let all = self.figures();
         let chosen = all.iter().any(|figure| !figure.signal);
-        let mut count = 0;
+        let mut files = Vec::new();
         for figure in all.iter().filter(|figure| !(chosen && figure.signal)) {
             let drawing = self.draw(figure);
             let plain = |c: char| {
@@ -102,13 +102,14 @@ impl Report {
             let id: String = figure.id.chars().map(plain).collect();
             let path = dir.join(format!("{id}.svg"));
             fs::write(&path, figures::svg(&drawing)).map_err(failed(&path))?;
+            files.push(path);
             if let Some(png) = figures::png(&drawing, PIXELS_PER_POINT) {
                 let path = dir.join(format!("{id}.png"));
                 fs::write(&path, png).map_err(failed(&path))?;
+                files.push(path);
             }
-            count += 1;
         }
-        Ok(count)
+        Ok(files)
     }
 
     /// The figures of all runs, those of the first run first, with the limits of all.

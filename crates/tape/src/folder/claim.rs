@@ -5,11 +5,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use super::place::{FolderError, RunFolder, io_error, private};
+use super::outputs::{NOTES, Outputs};
+use super::place::{FolderError, MARKS, RunFolder, io_error, missing_mark, private};
 use super::utc::utc_compact;
 
 /// The entries that a run, its checkpoints and shadows, an export and a report create in a run folder.
-const OWN: [&str; 9] = [
+const OWN: [&str; 10] = [
     "plan.toml",
     "run.json",
     "summary.json",
@@ -19,10 +20,8 @@ const OWN: [&str; 9] = [
     "shadow",
     "export",
     "report.html",
+    NOTES,
 ];
-/// The files that every run folder has from the beginning. The last of them is the last entry that is set aside and the first that comes
-/// back: where it is, there is a complete run.
-const MARKS: [&str; 2] = ["run.json", "plan.toml"];
 /// The folder that holds the previous run until the new one has begun.
 const BEFORE: &str = ".replaced";
 /// Its name while it is removed.
@@ -187,24 +186,27 @@ fn locked(root: &Path) -> Result<File, FolderError> {
     }
 }
 
-/// The names of the entries in `folder` that a run has created, apart from a previous run.
-fn own_entries(folder: &Path) -> Result<Vec<String>, FolderError> {
+/// The names of all entries in `folder`, apart from a previous run.
+fn entries(folder: &Path) -> Result<Vec<String>, FolderError> {
     let entries = fs::read_dir(folder).map_err(io_error(folder, "list the folder"))?;
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-    let own = |name: &String| is_own(name) && ![BEFORE, DISCARDED].contains(&name.as_str());
-    Ok(names.filter(own).collect())
+    Ok(names
+        .filter(|name| ![BEFORE, DISCARDED].contains(&name.as_str()))
+        .collect())
+}
+
+/// Those of them that a run, or a command about it, has created.
+fn own_entries(folder: &Path) -> Result<Vec<String>, FolderError> {
+    let outputs = Outputs::read(folder);
+    let mut names = entries(folder)?;
+    names.retain(|name| is_own(name) || outputs.foreign(folder, name).is_none());
+    Ok(names)
 }
 
 /// The order in which the entries `names` of a run are set aside.
 fn in_order(mut names: Vec<String>) -> Vec<String> {
     names.sort_by_key(|name| MARKS.iter().position(|mark| mark == name));
     names
-}
-
-/// The first file that `folder` lacks to be the folder of a run.
-fn missing_mark(folder: &Path) -> Option<&'static str> {
-    let file = |name: &str| fs::symlink_metadata(folder.join(name)).is_ok_and(|about| about.is_file());
-    MARKS.into_iter().rev().find(|name| !file(name))
 }
 
 fn remove_own(root: &Path) -> Result<(), FolderError> {
@@ -238,7 +240,7 @@ fn bring_back(root: &Path) -> Result<(), FolderError> {
     if missing_mark(&before).is_none() {
         remove_own(root)?;
     }
-    for name in in_order(own_entries(&before)?).iter().rev() {
+    for name in in_order(entries(&before)?).iter().rev() {
         fs::rename(before.join(name), root.join(name)).map_err(io_error(&before, "bring it back"))?;
     }
     fs::remove_dir(&before).map_err(io_error(&before, "remove the folder"))
@@ -256,7 +258,7 @@ fn recover(root: &Path) -> Result<(), FolderError> {
         folder.summary().exists() || folder.tape().join("seal.json").exists()
     } else {
         // The parts of one run have different names.
-        own_entries(&before)?.iter().any(|name| root.join(name).exists())
+        entries(&before)?.iter().any(|name| root.join(name).exists())
     };
     if replaced { Ok(()) } else { bring_back(root) }
 }
@@ -272,10 +274,16 @@ fn only_a_run(root: &Path) -> Result<(), FolderError> {
             "it is not the folder of a run, which has a file `{missing}`"
         )));
     }
+    let outputs = Outputs::read(root);
     for entry in fs::read_dir(root).map_err(io_error(root, "list the folder"))? {
         let name = entry.map_err(io_error(root, "list the folder"))?.file_name();
-        if !name.to_str().is_some_and(is_own) {
-            return Err(refuse(format!("`{}` in it does not belong to a run", name.display())));
+        let foreign = match name.to_str() {
+            Some(name) if is_own(name) => None,
+            Some(name) => outputs.foreign(root, name),
+            None => Some(format!("`{}` in it does not belong to a run", name.display())),
+        };
+        if let Some(reason) = foreign {
+            return Err(refuse(reason));
         }
     }
     Ok(())
@@ -315,182 +323,4 @@ impl RunFolder {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn names(root: &Path) -> Vec<String> {
-        let entries = fs::read_dir(root).unwrap();
-        let mut names: Vec<String> = entries
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort();
-        names
-    }
-
-    /// A folder that looks like that of a finished run.
-    fn run(root: &Path, plan: &str) {
-        let folder = RunFolder::create(root).unwrap();
-        folder.write(&folder.plan(), plan).unwrap();
-        folder.write(&folder.run(), "{}").unwrap();
-        fs::create_dir(folder.tape()).unwrap();
-        fs::write(folder.tape().join("index.json"), plan).unwrap();
-    }
-
-    #[test]
-    fn refused_run_leaves_nothing_that_it_made() {
-        let root = crate::scratch_for_tests("refused").join("deep/down");
-        let outermost = root.parent().unwrap().parent().unwrap().to_owned();
-        fs::create_dir_all(&outermost).unwrap();
-        let claim = Claim::of(&root, false).unwrap();
-        claim.folder().write(&claim.folder().plan(), "x").unwrap();
-        drop(claim);
-        assert_eq!(names(&outermost), Vec::<String>::new());
-        // An existing empty folder still exists, and is empty.
-        fs::create_dir_all(&root).unwrap();
-        drop(Claim::of(&root, true).unwrap());
-        assert_eq!(names(&root), Vec::<String>::new());
-    }
-
-    #[test]
-    fn replaced_run_comes_back_unless_the_new_one_begins() {
-        let root = crate::scratch_for_tests("replaced");
-        run(&root, "old");
-        let claim = Claim::of(&root, true).unwrap();
-        claim.folder().write(&claim.folder().plan(), "new").unwrap();
-        assert!(!claim.folder().tape().exists());
-        let error = Claim::of(&root, true).unwrap_err().to_string();
-        assert!(error.contains("under way"), "{error}");
-        drop(claim);
-        assert_eq!(fs::read_to_string(root.join("plan.toml")).unwrap(), "old");
-        assert_eq!(fs::read_to_string(root.join("tape/index.json")).unwrap(), "old");
-        assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
-        let claim = Claim::of(&root, true).unwrap();
-        claim.folder().write(&claim.folder().plan(), "new").unwrap();
-        claim.keep();
-        assert_eq!(fs::read_to_string(root.join("plan.toml")).unwrap(), "new");
-        assert_eq!(names(&root), ["log", "plan.toml"]);
-    }
-
-    /// The content of the plan and the tape in `root`.
-    fn contents(root: &Path) -> [String; 2] {
-        ["plan.toml", "tape/index.json"].map(|name| fs::read_to_string(root.join(name)).unwrap())
-    }
-
-    #[test]
-    fn run_that_a_killed_program_has_set_aside_comes_back() {
-        let root = crate::scratch_for_tests("killed");
-        let before = root.join(BEFORE);
-        let back = || {
-            drop(Claim::of(&root, true).unwrap());
-            assert_eq!(contents(&root), ["old", "old"]);
-            assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
-        };
-        run(&root, "old");
-        // Killed while the folder was made, and just before the run began.
-        for count in 0..=3 {
-            let mut claim = Claim::of(&root, true).unwrap();
-            claim.kept = true;
-            let folder = claim.folder().clone();
-            drop(claim);
-            if count > 0 {
-                folder.write(&folder.plan(), "new").unwrap();
-            }
-            if count > 1 {
-                folder.write(&folder.run(), "{}").unwrap();
-            }
-            if count > 2 {
-                fs::create_dir(folder.tape()).unwrap();
-                fs::write(folder.tape().join("index.json"), "new").unwrap();
-            }
-            back();
-        }
-        // Killed while the run was set aside, or brought back.
-        for moved in 0..=3 {
-            fs::create_dir(&before).unwrap();
-            for name in &in_order(own_entries(&root).unwrap())[..moved] {
-                fs::rename(root.join(name), before.join(name)).unwrap();
-            }
-            back();
-        }
-    }
-
-    #[test]
-    fn run_that_has_been_replaced_never_comes_back() {
-        let root = crate::scratch_for_tests("discarded");
-        run(&root, "new");
-        // Killed while the previous run was removed.
-        for name in [BEFORE, DISCARDED] {
-            fs::create_dir(root.join(name)).unwrap();
-            fs::write(root.join(name).join("run.json"), "{}").unwrap();
-            drop(Claim::of(&root, true).unwrap());
-            assert_eq!(contents(&root), ["new", "new"]);
-            assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
-        }
-        // A previous run that could not be removed.
-        fs::create_dir(root.join(BEFORE)).unwrap();
-        for name in MARKS {
-            fs::write(root.join(BEFORE).join(name), "old").unwrap();
-        }
-        fs::write(root.join("summary.json"), "{}").unwrap();
-        drop(Claim::of(&root, true).unwrap());
-        assert_eq!(contents(&root), ["new", "new"]);
-    }
-
-    #[test]
-    fn nothing_but_a_run_is_replaced() {
-        let root = crate::scratch_for_tests("precious");
-        let refused = |part: &str| {
-            let before = names(&root);
-            let error = Claim::of(&root, true).unwrap_err().to_string();
-            assert!(error.contains(part), "{error}");
-            assert_eq!(names(&root), before);
-        };
-        fs::create_dir_all(&root).unwrap();
-        fs::write(root.join("precious.txt"), "work of years").unwrap();
-        refused("`plan.toml`");
-        fs::write(root.join("plan.toml"), "").unwrap();
-        refused("`run.json`");
-        fs::create_dir(root.join("run.json")).unwrap();
-        refused("`run.json`");
-        fs::remove_dir(root.join("run.json")).unwrap();
-        fs::write(root.join("run.json"), "{}").unwrap();
-        refused("`precious.txt` in it does not belong to a run");
-        assert_eq!(fs::read_to_string(root.join("precious.txt")).unwrap(), "work of years");
-        fs::remove_file(root.join("precious.txt")).unwrap();
-        drop(Claim::of(&root, true).unwrap());
-        assert_eq!(names(&root), ["plan.toml", "run.json"]);
-    }
-
-    #[test]
-    fn a_folder_with_something_in_it_is_refused_and_left_alone() {
-        let root = crate::scratch_for_tests("folder");
-        let first = RunFolder::create(&root).unwrap();
-        first.write_json(&first.run(), &serde_json::json!({"a": 1})).unwrap();
-        let text = RunFolder::create(&root).unwrap_err().to_string();
-        assert!(text.contains("not empty") && text.contains("--out"), "{text}");
-        assert!(first.run().is_file());
-        let error = RunFolder::create(&first.run()).unwrap_err();
-        assert!(matches!(error, FolderError::NotAFolder { .. }), "{error}");
-    }
-
-    #[test]
-    fn runs_of_the_same_instant_never_meet() {
-        let runs = crate::scratch_for_tests("runs");
-        let roots: Vec<PathBuf> = std::thread::scope(|scope| {
-            let threads: Vec<_> = (0..8)
-                .map(|_| {
-                    scope.spawn(|| {
-                        (0..20)
-                            .map(|_| RunFolder::create_default(&runs, "a/b é").unwrap())
-                            .map(|claim| claim.keep().root().to_owned())
-                            .collect::<Vec<_>>()
-                    })
-                })
-                .collect();
-            threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
-        });
-        let unique: std::collections::HashSet<_> = roots.iter().collect();
-        assert_eq!(unique.len(), 160);
-        assert!(roots.iter().all(|root| root.parent() == Some(runs.as_path())));
-    }
-}
+mod tests;

@@ -61,7 +61,22 @@ pub fn private() -> DirBuilder {
     builder
 }
 
+/// The files that every run folder has from the beginning. The last of them is the last entry that is set aside when a run is replaced, and
+/// the first that comes back: where it is, there is a complete run.
+pub(super) const MARKS: [&str; 2] = ["run.json", "plan.toml"];
+
+/// The first file that `folder` lacks to be the folder of a run.
+pub(super) fn missing_mark(folder: &Path) -> Option<&'static str> {
+    let file = |name: &str| std::fs::symlink_metadata(folder.join(name)).is_ok_and(|about| about.is_file());
+    MARKS.into_iter().rev().find(|name| !file(name))
+}
+
 impl RunFolder {
+    /// Whether `folder` is the folder of a run.
+    pub(super) fn is_at(folder: &Path) -> bool {
+        missing_mark(folder).is_none()
+    }
+
     /// Takes a folder unchanged; it may be empty.
     pub fn open(root: &Path) -> RunFolder {
         RunFolder { root: root.to_owned() }

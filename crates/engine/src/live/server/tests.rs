@@ -10,7 +10,7 @@ fn shared() -> Shared {
         views: Vec::new(),
         live: Mutex::new(Watched::default()),
         result: Mutex::new(None),
-        pages: Mutex::new(BTreeMap::new()),
+        pages: Mutex::default(),
         connections: AtomicUsize::new(0),
         silent: Mutex::default(),
     }
@@ -101,6 +101,27 @@ fn silent_connections_do_not_block_the_page() {
     stream.read_to_string(&mut answer).unwrap();
     assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
     drop(silent);
+}
+
+#[test]
+fn the_end_waits_for_a_page_that_was_sent_and_has_asked_for_nothing_yet() {
+    let shared = shared();
+    let start = Instant::now();
+    let waits = || locked(&shared.pages).wait(start);
+    assert!(!waits());
+    let get = |below: &str| {
+        let text = format!("GET /0123456789abcdef/{below} HTTP/1.1\r\nHost: 127.0.0.1:4711\r\n\r\n");
+        let Ok(request) = http::read(&mut text.as_bytes(), Instant::now() + http::PATIENCE) else {
+            panic!("{text}");
+        };
+        let below = allowed(&request, &shared).unwrap();
+        route(&request, below, &shared)
+    };
+    // The run has not begun, so this page asks for the report a second later.
+    assert_eq!(get("").2, SOON);
+    assert!(waits());
+    get("news?page=a&have=");
+    assert!(waits());
 }
 
 #[test]

@@ -51,24 +51,25 @@ impl Watchman {
         }
     }
 
-    /// Evaluates a span of participant number `number`.
+    /// Evaluates a span of participant number `number`. The clock has looked for suspensions since the end of the span.
     pub(crate) fn look(&mut self, number: usize, span: &Span, clock: &ClockController, plan: &Plan) {
         let Doing::Computing { done } = span.doing else { return };
         let participant = &plan.participants[number];
         if span.activation >= participant.activations {
             return;
         }
+        let Some(pace) = clock.pace() else { return };
+        // A suspension is neither work nor lateness.
+        let (begin_ns, end_ns) = (pace.awake(span.begin_ns), pace.awake(span.end_ns));
         let own = &mut self.all[number];
-        own.work_ns = (own.work_ns).saturating_add(span.end_ns.saturating_sub(span.begin_ns));
+        own.work_ns = (own.work_ns).saturating_add(end_ns.saturating_sub(begin_ns));
         if !done {
             return;
         }
         let work_ns = std::mem::take(&mut own.work_ns);
         let at = participant.sample_time.instant(span.activation);
-        let (Some(due), Some(next)) = (clock.due(at), clock.due(at + participant.sample_time.period)) else {
-            return;
-        };
-        let late_ns = span.end_ns.saturating_sub(due.ns);
+        let (due, next) = (pace.due(at), pace.due(at + participant.sample_time.period));
+        let late_ns = end_ns.saturating_sub(due.ns);
         if late_ns > own.histogram.largest || own.histogram.count == 0 {
             own.largest_at = at;
         }
@@ -85,7 +86,7 @@ impl Watchman {
             let latest = if due.into_s > self.newest.1 { 0.0 } else { self.newest.2 };
             self.newest = (due.stretch, due.into_s, late_s.max(latest));
         }
-        if span.end_ns > next.ns {
+        if end_ns > next.ns {
             own.overruns += 1;
             let t = plan.timebase.seconds(at);
             self.first.get_or_insert_with(|| {
@@ -194,6 +195,74 @@ impl Histogram {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lockstep::participant::{Interface, Kind};
+    use lockstep::plan::ParticipantSpec;
+    use lockstep::time::Rational;
+
+    const MS: u64 = 1_000_000;
+
+    /// A plan of one participant with a period of 10 ms.
+    fn plan() -> Plan {
+        let spec = ParticipantSpec {
+            name: "a".into(),
+            period: Rational::from_millis(10),
+            offset: Rational::ZERO,
+            interface: Interface::new(Kind::Sampled),
+        };
+        Plan::build(vec![spec], &[], Rational::from_millis(100_000), 1).expect("a plan")
+    }
+
+    /// A step, with its beginning and end in ms.
+    fn step(activation: u64, begin: u64, end: u64) -> Span {
+        Span {
+            activation,
+            doing: Doing::Computing { done: true },
+            core: 0,
+            sleeps: 0,
+            begin_ns: begin * MS,
+            end_ns: end * MS,
+        }
+    }
+
+    #[test]
+    fn a_suspension_is_no_overrun_whatever_the_run_was_doing() {
+        let plan = plan();
+        for suspension in [200, 996, 5000, 3_600_000] {
+            let mut clock = ClockController::of_pace(&plan, 100.0);
+            let mut watchman = Watchman::new(1, 1.0, Overrun::Stop);
+            clock.look_at(100 * MS);
+            watchman.look(0, &step(9, 90, 91), &clock, &plan);
+            // The step at 100 ms was granted before the suspension, and is complete after it; the next ones come after it.
+            clock.look_at((104 + suspension) * MS);
+            watchman.look(0, &step(10, 100, 104 + suspension), &clock, &plan);
+            for activation in 11..=60 {
+                let at = 10 * activation + suspension;
+                clock.look_at((at + 4) * MS);
+                watchman.look(0, &step(activation, at + 3, at + 4), &clock, &plan);
+            }
+            assert_eq!(watchman.stops(), None);
+            let account = watchman.account(&plan);
+            let own = &account.participants["a"];
+            assert_eq!((own.overruns, own.too_long, own.steps), (0, 0, 52));
+            assert!(own.lateness_largest_s <= 5e-3 && account.kept, "{account:?}");
+        }
+    }
+
+    #[test]
+    fn a_step_that_takes_long_is_an_overrun() {
+        let plan = plan();
+        let mut clock = ClockController::of_pace(&plan, 100.0);
+        let mut watchman = Watchman::new(1, 1.0, Overrun::Stop);
+        // Another thread reads the clock meanwhile.
+        (1..=50).for_each(|look| clock.look_at(10 * look * MS));
+        watchman.look(0, &step(10, 100, 500), &clock, &plan);
+        assert!(
+            watchman
+                .stops()
+                .is_some_and(|reason| reason.contains("400.000 ms after"))
+        );
+        assert_eq!(watchman.account(&plan).participants["a"].too_long, 1);
+    }
 
     #[test]
     fn quantiles_are_those_of_the_sorted_times_to_a_thirty_second() {

@@ -4,6 +4,7 @@ pub(super) mod horizon;
 pub(super) mod lateness;
 pub(super) mod punctuality;
 pub(super) mod spans;
+mod suspensions;
 pub(super) mod trace;
 pub(super) mod traced;
 pub(super) mod wall_clock;

@@ -61,7 +61,8 @@ impl Times {
 
     /// Takes spans of participant number `number`, after which `lost` spans are missing.
     pub(crate) fn take(&mut self, number: usize, lost: u64, spans: &[Span], clock: &ClockController) {
-        if let Some(watchman) = &mut self.watchman {
+        if let (Some(watchman), Some(pace)) = (&mut self.watchman, clock.pace()) {
+            pace.look(now_ns);
             spans
                 .iter()
                 .for_each(|span| watchman.look(number, span, clock, &self.plan));

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use lockstep::plan::Plan;
 use lockstep::span::{Doing, Span, now_ns};
 use serde_json::{Value, json};
+use tape::folder::note_outputs;
 
 use super::traced::Traced;
 use crate::run::outcome::RunFailure;
@@ -51,6 +52,8 @@ impl Trace {
             "{{\"displayTimeUnit\":\"ns\",\"otherData\":{about},\"traceEvents\":["
         )
         .map_err(refuse)?;
+        // In the run's own folder it belongs to the run, also if the program is killed.
+        note_outputs(&[path.to_owned()], true)?;
         Ok(Trace {
             path: path.to_owned(),
             file,
@@ -176,6 +179,8 @@ impl Trace {
             .error
             .take()
             .map_or_else(|| self.file.write_all(b"\n]}\n").and_then(|()| self.file.flush()), Err);
+        // Where this fails, the note of its beginning remains.
+        let _ = note_outputs(std::slice::from_ref(&self.path), false);
         Traced {
             path: self.path,
             spans: self.written,

@@ -1,0 +1,215 @@
+//! Which folders are taken, what is restored, and what is never removed.
+
+use super::super::outputs::note_outputs;
+use super::*;
+
+fn names(root: &Path) -> Vec<String> {
+    let entries = fs::read_dir(root).unwrap();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+/// A folder that looks like that of a finished run.
+fn run(root: &Path, plan: &str) {
+    let folder = RunFolder::create(root).unwrap();
+    folder.write(&folder.plan(), plan).unwrap();
+    folder.write(&folder.run(), "{}").unwrap();
+    fs::create_dir(folder.tape()).unwrap();
+    fs::write(folder.tape().join("index.json"), plan).unwrap();
+}
+
+#[test]
+fn refused_run_leaves_nothing_that_it_made() {
+    let root = crate::scratch_for_tests("refused").join("deep/down");
+    let outermost = root.parent().unwrap().parent().unwrap().to_owned();
+    fs::create_dir_all(&outermost).unwrap();
+    let claim = Claim::of(&root, false).unwrap();
+    claim.folder().write(&claim.folder().plan(), "x").unwrap();
+    drop(claim);
+    assert_eq!(names(&outermost), Vec::<String>::new());
+    // An existing empty folder still exists, and is empty.
+    fs::create_dir_all(&root).unwrap();
+    drop(Claim::of(&root, true).unwrap());
+    assert_eq!(names(&root), Vec::<String>::new());
+}
+
+#[test]
+fn replaced_run_comes_back_unless_the_new_one_begins() {
+    let root = crate::scratch_for_tests("replaced");
+    run(&root, "old");
+    let claim = Claim::of(&root, true).unwrap();
+    claim.folder().write(&claim.folder().plan(), "new").unwrap();
+    assert!(!claim.folder().tape().exists());
+    let error = Claim::of(&root, true).unwrap_err().to_string();
+    assert!(error.contains("under way"), "{error}");
+    drop(claim);
+    assert_eq!(fs::read_to_string(root.join("plan.toml")).unwrap(), "old");
+    assert_eq!(fs::read_to_string(root.join("tape/index.json")).unwrap(), "old");
+    assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
+    let claim = Claim::of(&root, true).unwrap();
+    claim.folder().write(&claim.folder().plan(), "new").unwrap();
+    claim.keep();
+    assert_eq!(fs::read_to_string(root.join("plan.toml")).unwrap(), "new");
+    assert_eq!(names(&root), ["log", "plan.toml"]);
+}
+
+/// The content of the plan and the tape in `root`.
+fn contents(root: &Path) -> [String; 2] {
+    ["plan.toml", "tape/index.json"].map(|name| fs::read_to_string(root.join(name)).unwrap())
+}
+
+#[test]
+fn run_that_a_killed_program_has_set_aside_comes_back() {
+    let root = crate::scratch_for_tests("killed");
+    let before = root.join(BEFORE);
+    let back = || {
+        drop(Claim::of(&root, true).unwrap());
+        assert_eq!(contents(&root), ["old", "old"]);
+        assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
+    };
+    run(&root, "old");
+    // Killed while the folder was made, and just before the run began.
+    for count in 0..=3 {
+        let mut claim = Claim::of(&root, true).unwrap();
+        claim.kept = true;
+        let folder = claim.folder().clone();
+        drop(claim);
+        if count > 0 {
+            folder.write(&folder.plan(), "new").unwrap();
+        }
+        if count > 1 {
+            folder.write(&folder.run(), "{}").unwrap();
+        }
+        if count > 2 {
+            fs::create_dir(folder.tape()).unwrap();
+            fs::write(folder.tape().join("index.json"), "new").unwrap();
+        }
+        back();
+    }
+    // Killed while the run was set aside, or brought back.
+    for moved in 0..=3 {
+        fs::create_dir(&before).unwrap();
+        for name in &in_order(own_entries(&root).unwrap())[..moved] {
+            fs::rename(root.join(name), before.join(name)).unwrap();
+        }
+        back();
+    }
+}
+
+#[test]
+fn run_that_has_been_replaced_never_comes_back() {
+    let root = crate::scratch_for_tests("discarded");
+    run(&root, "new");
+    // Killed while the previous run was removed.
+    for name in [BEFORE, DISCARDED] {
+        fs::create_dir(root.join(name)).unwrap();
+        fs::write(root.join(name).join("run.json"), "{}").unwrap();
+        drop(Claim::of(&root, true).unwrap());
+        assert_eq!(contents(&root), ["new", "new"]);
+        assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
+    }
+    // A previous run that could not be removed.
+    fs::create_dir(root.join(BEFORE)).unwrap();
+    for name in MARKS {
+        fs::write(root.join(BEFORE).join(name), "old").unwrap();
+    }
+    fs::write(root.join("summary.json"), "{}").unwrap();
+    drop(Claim::of(&root, true).unwrap());
+    assert_eq!(contents(&root), ["new", "new"]);
+}
+
+#[test]
+fn nothing_but_a_run_is_replaced() {
+    let root = crate::scratch_for_tests("precious");
+    let refused = |part: &str| {
+        let before = names(&root);
+        let error = Claim::of(&root, true).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+        assert_eq!(names(&root), before);
+    };
+    fs::create_dir_all(&root).unwrap();
+    fs::write(root.join("precious.txt"), "work of years").unwrap();
+    refused("`plan.toml`");
+    fs::write(root.join("plan.toml"), "").unwrap();
+    refused("`run.json`");
+    fs::create_dir(root.join("run.json")).unwrap();
+    refused("`run.json`");
+    fs::remove_dir(root.join("run.json")).unwrap();
+    fs::write(root.join("run.json"), "{}").unwrap();
+    refused("`precious.txt` in it does not belong to a run");
+    assert_eq!(fs::read_to_string(root.join("precious.txt")).unwrap(), "work of years");
+    fs::remove_file(root.join("precious.txt")).unwrap();
+    drop(Claim::of(&root, true).unwrap());
+    assert_eq!(names(&root), ["plan.toml", "run.json"]);
+}
+
+#[test]
+fn what_was_written_on_request_is_replaced_and_what_the_user_made_of_it_is_not() {
+    let root = crate::scratch_for_tests("outputs");
+    run(&root, "old");
+    let at = |name: &str| root.join(name);
+    fs::create_dir_all(at("figures/small")).unwrap();
+    let files = ["trace.json", "figures/a.svg", "figures/small/b.png"].map(at);
+    for file in &files {
+        fs::write(file, "drawn").unwrap();
+    }
+    note_outputs(&files[..1], true).unwrap();
+    fs::write(&files[0], "longer").unwrap();
+    note_outputs(&files[1..], false).unwrap();
+    // It comes back with the run that is set aside.
+    let all = names(&root);
+    drop(Claim::of(&root, true).unwrap());
+    assert_eq!(names(&root), all);
+    note_outputs(&files, false).unwrap();
+    let refused = |part: &str| {
+        let error = Claim::of(&root, true).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+        assert_eq!(names(&root), all);
+    };
+    fs::write(at("figures/notes.txt"), "work of years").unwrap();
+    refused("`figures/notes.txt` in it does not belong to a run");
+    fs::remove_file(at("figures/notes.txt")).unwrap();
+    fs::write(&files[1], "drawn anew").unwrap();
+    refused("`figures/a.svg` in it was changed");
+    note_outputs(&files[1..2], false).unwrap();
+    let claim = Claim::of(&root, true).unwrap();
+    assert_eq!(names(&root), [BEFORE, "log"]);
+    claim.keep();
+    assert_eq!(names(&root), ["log"]);
+}
+
+#[test]
+fn a_folder_with_something_in_it_is_refused_and_left_alone() {
+    let root = crate::scratch_for_tests("folder");
+    let first = RunFolder::create(&root).unwrap();
+    first.write_json(&first.run(), &serde_json::json!({"a": 1})).unwrap();
+    let text = RunFolder::create(&root).unwrap_err().to_string();
+    assert!(text.contains("not empty") && text.contains("--out"), "{text}");
+    assert!(first.run().is_file());
+    let error = RunFolder::create(&first.run()).unwrap_err();
+    assert!(matches!(error, FolderError::NotAFolder { .. }), "{error}");
+}
+
+#[test]
+fn runs_of_the_same_instant_never_meet() {
+    let runs = crate::scratch_for_tests("runs");
+    let roots: Vec<PathBuf> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..8)
+            .map(|_| {
+                scope.spawn(|| {
+                    (0..20)
+                        .map(|_| RunFolder::create_default(&runs, "a/b é").unwrap())
+                        .map(|claim| claim.keep().root().to_owned())
+                        .collect::<Vec<_>>()
+                })
+            })
+            .collect();
+        threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+    });
+    let unique: std::collections::HashSet<_> = roots.iter().collect();
+    assert_eq!(unique.len(), 160);
+    assert!(roots.iter().all(|root| root.parent() == Some(runs.as_path())));
+}
