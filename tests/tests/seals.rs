@@ -81,3 +81,32 @@ fn shortened_stream_is_refused_by_export() {
         "{said:?}"
     );
 }
+
+#[test]
+fn a_file_that_describes_the_run_and_cannot_be_read_is_refused_where_it_is_used() {
+    let world = World::new("plans", "damper");
+    let run = world.path("undisturbed");
+    let out = world.path("exported");
+    let with = |command: &str, more: &[&str]| orchestrate(&[&[command, text(&run)], more].concat());
+    let export = |to: &str| with("export", &["--to", to, "--out", text(&out)]);
+    for (name, broken, told) in [
+        ("plan.toml", "seed = 7\nduration = \n", "line 2"),
+        ("run.json", "{", "is not JSON"),
+    ] {
+        let path = run.join(name);
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, broken).unwrap();
+        for said in [with("report", &[]), export("mcap"), export("mat"), export("parquet")] {
+            assert_eq!(said.code, Some(2), "{said:?}");
+            assert!(said.err.contains(text(&path)) && said.err.contains(told), "{said:?}");
+        }
+        // What does not use it is not kept from the samples.
+        for said in [export("csv"), with("compare", &[text(&run)])] {
+            assert_eq!(said.code, Some(0), "{said:?}");
+        }
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(export("mcap").code, Some(0), "without {name}");
+        std::fs::write(&path, whole).unwrap();
+    }
+    assert_eq!(with("report", &[]).code, Some(0));
+}
