@@ -134,23 +134,28 @@ fn who_ends_before_it_has_entered_the_run_is_said_to() {
 }
 
 #[test]
-fn an_export_that_ends_before_it_begins_is_refused() {
+fn an_export_of_a_window_without_samples_is_refused() {
     let folder = Folder::new("empty-export");
     let file = springs(&folder);
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));
     let said = orchestrate(&["run", text(&file), "--in-process", "--out", text(&run)]);
     assert_eq!(said.code, Some(0), "{said:?}");
     for format in ["csv", "parquet", "mat", "mcap"] {
-        let window = ["--from", "50ms", "--until", "30ms"];
-        let said = orchestrate(
-            &[
-                &["export", text(&run), "--to", format, "--out", text(&out)],
-                &window[..],
-            ]
-            .concat(),
-        );
-        refused(&said, &["--until: ", "30 ms", "50 ms", "the window is empty"], &[]);
-        assert!(!out.exists(), "nothing is written");
+        let windows: [(&[&str], &[&str]); 2] = [
+            (
+                &["--from", "50ms", "--until", "30ms"],
+                &["--until: ", "30 ms", "50 ms", "the window is empty"],
+            ),
+            (
+                &["--from", "1000 h"],
+                &["--from: ", "no sample lies at or after", "have samples from 0.0 s to"],
+            ),
+        ];
+        for (window, told) in windows {
+            let said = orchestrate(&[&["export", text(&run), "--to", format, "--out", text(&out)], window].concat());
+            refused(&said, told, &[]);
+            assert!(!out.exists(), "nothing is written");
+        }
     }
 }
 

@@ -167,7 +167,8 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
 /// Reports why the tape, or the requested part of it, cannot be read; returns the exit code.
 fn refused(error: &ReadError) -> i32 {
     let option = match error {
-        ReadError::Window { .. } => "--until: ",
+        ReadError::Window { .. } | ReadError::Outside { from: None, .. } => "--until: ",
+        ReadError::Outside { .. } => "--from: ",
         _ => "",
     };
     eprintln!("error: {option}{}", told(error));
