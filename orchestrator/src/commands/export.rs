@@ -9,11 +9,12 @@ use lockstep::time::Rational;
 use report::export::{self, Compression};
 use report::page::{PlanFile, ReportError, read_json, scene_of};
 use tape::folder::RunFolder;
-use tape::{Choice, Excerpt, ReadError, Source};
+use tape::{Choice, Excerpt, ReadError, Reader, Source};
 
 use super::trust::{Trust, name_torn, told};
 use crate::arguments::{instant, model};
 use crate::catalogue::catalogue;
+use crate::destination;
 use crate::line::Busy;
 use crate::refusal::Refusal;
 use engine::scenario::in_path;
@@ -101,6 +102,8 @@ impl ExportArgs {
 /// Exports and lists the files; returns the exit code.
 pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
+    let chosen = args.out.as_deref();
+    chosen.map_or(Ok(()), |out| destination::check("--out", out))?;
     let rerun = (args.to == Format::Rrd).then(|| in_path("rerun"));
     if let Some(None) = rerun {
         eprintln!(
@@ -114,14 +117,14 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
         Err(error) => return Ok(refused(&error)),
     };
     name_torn(&reader);
-    let out = args.out.clone().unwrap_or_else(|| args.run.join("export"));
+    let out = chosen.map_or_else(|| destination::folder_of(&args.run).join("export"), Path::to_owned);
     let busy = Busy::reading("exporting", &args.run);
     let chosen = match Excerpt::new(&reader, &args.choice()) {
         Ok(chosen) => chosen,
         Err(error) => return Ok(refused(&error)),
     };
     // A file of comma-separated values has no place for it.
-    let known = (args.to != Format::Csv).then(|| about(&args.run)).transpose();
+    let known = (args.to != Format::Csv).then(|| about(&args.run, &reader)).transpose();
     let (plan, about) = known.map_err(Refusal::of)?.unwrap_or_default();
     let result = match args.to {
         Format::Csv => export::csv(&chosen, &out),
@@ -176,10 +179,10 @@ fn refused(error: &ReadError) -> i32 {
 }
 
 /// The plan of the run, and the available information in its folder: the plan's text, the program, and the digest of its tape.
-fn about(run: &Path) -> Result<(toml::Table, Vec<(&'static str, String)>), ReportError> {
-    let folder = RunFolder::open(&root_of(run));
+fn about(run: &Path, tape: &Reader) -> Result<(toml::Table, Vec<(&'static str, String)>), ReportError> {
+    let folder = RunFolder::open(&destination::folder_of(run));
     let PlanFile { text: plan, table } = PlanFile::read(&folder)?;
-    let (run, seal) = (read_json(&folder.run())?, read_json(&folder.tape().join("seal.json"))?);
+    let run = read_json(&folder.run())?;
     let text = |found: &serde_json::Value| found.as_str().map_or_else(|| found.to_string(), str::to_owned);
     let found = |from: &serde_json::Value, key: &str| from.get(key).map(text);
     let seed = table.get("seed");
@@ -187,7 +190,7 @@ fn about(run: &Path) -> Result<(toml::Table, Vec<(&'static str, String)>), Repor
     let known = [
         ("title", found(&run, "title")),
         ("seed", seed),
-        ("digest", found(&seal, "digest")),
+        ("digest", tape.sealed_digest().map(|digest| digest.to_string())),
         ("version", found(&run, "version")),
         ("started", found(&run, "started")),
         ("command", found(&run, "command")),
@@ -195,15 +198,6 @@ fn about(run: &Path) -> Result<(toml::Table, Vec<(&'static str, String)>), Repor
     ];
     let known = known.into_iter().filter_map(|(key, value)| Some((key, value?)));
     Ok((table, known.collect()))
-}
-
-/// The run folder, where `run` may also be its `tape` folder.
-fn root_of(run: &Path) -> PathBuf {
-    if run.join("index.json").is_file() {
-        run.join("..")
-    } else {
-        run.to_owned()
-    }
 }
 
 /// Converts with the installed Rerun, because its format depends on the version that opens it.

@@ -101,10 +101,10 @@ impl Report {
             };
             let id: String = figure.id.chars().map(plain).collect();
             let path = dir.join(format!("{id}.svg"));
-            fs::write(&path, figures::svg(&drawing)).map_err(failed(&path))?;
+            tape::write_whole(&path, figures::svg(&drawing)).map_err(failed(&path))?;
             if let Some(png) = figures::png(&drawing, PIXELS_PER_POINT) {
                 let path = dir.join(format!("{id}.png"));
-                fs::write(&path, png).map_err(failed(&path))?;
+                tape::write_whole(&path, png).map_err(failed(&path))?;
             }
             count += 1;
         }

@@ -7,6 +7,7 @@ use capture::flight::find;
 use synthesis::robot::{Robot, Spec};
 
 use crate::commands::model;
+use crate::destination;
 
 /// Reads a specification and the robot it names. The description's path is resolved relative to the working directory, the
 /// folder of the specification, or its parent folder, whichever has it.
@@ -29,5 +30,5 @@ pub fn write(path: &Path, text: &str) -> anyhow::Result<()> {
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    std::fs::write(path, text).with_context(|| path.display().to_string())
+    destination::write(path, text).with_context(|| path.display().to_string())
 }
