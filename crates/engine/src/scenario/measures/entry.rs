@@ -143,7 +143,9 @@ impl MeasureSpec {
         {
             return refusal(
                 "at-most",
-                format!("{most} is below `at-least`, {least}: no figure meets both; exchange the two, or leave one out"),
+                format!(
+                    "{most} is below `at-least`, {least}: no figure meets both; exchange the two, or leave one out"
+                ),
             );
         }
         let given = [&self.within, &self.at_most, &self.at_least];
