@@ -44,6 +44,97 @@ fn a_connection_that_is_refused_is_the_only_mistake() {
 }
 
 #[test]
+fn a_value_of_a_wrong_type_is_refused_with_what_to_write() {
+    let folder = Folder::new("wrong-types");
+    let file = springs(&folder);
+    for (set, parts) in [
+        ("duration=10", ["duration: `10` is not a time", "a number and a unit"]),
+        ("duration=nan", ["duration: `NaN` is not a time", "a number and a unit"]),
+        ("duration=true", ["duration: ", "expected a time: a number and a unit"]),
+        (
+            "duration=1e300 s",
+            ["duration: `1e300 s` needs a fraction", "fewer digits"],
+        ),
+        (
+            "participants.left.run=3",
+            ["participants.left.run: ", "{ exe = \"FILE\""],
+        ),
+        (
+            "participants.left=3",
+            ["participants.left: ", "the keys of a participant, such as"],
+        ),
+        (
+            "connections.to-right=3",
+            ["connections.to-right: ", "the keys of a connection, such as"],
+        ),
+        ("guards.x=3", ["guards.x: ", "the keys of a guard, such as"]),
+        ("measures.x=3", ["measures.x: ", "the keys of a measure, such as"]),
+        (
+            "connections.to-right.initial={ position = 1e400 }",
+            [
+                "connections.to-right.initial: `{ position = 1e400 }` is not TOML",
+                "in quotes",
+            ],
+        ),
+    ] {
+        let said = orchestrate(&["check", text(&file), "--set", set]);
+        refused(&said, &parts, &["struct", "Spec"]);
+        assert!(said.err.contains("(given with --set)"), "{}", said.err);
+    }
+}
+
+#[test]
+fn a_participant_with_a_bad_name_is_refused_at_its_line() {
+    let folder = Folder::new("bad-names");
+    let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
+    assert!(whole.contains("[participants.left]"), "{whole}");
+    for name in ["a.b", "a b", "1a", ""] {
+        let wrong = whole
+            .replace("[participants.left]", &format!("[participants.\"{name}\"]"))
+            .replace("left.", &format!("{name}."));
+        let line = wrong
+            .lines()
+            .position(|line| line.starts_with("[participants.\""))
+            .expect("it is there")
+            + 1;
+        let said = orchestrate(&["check", text(&folder.write("names.toml", &wrong))]);
+        let told = format!("participants.{name}: `{name}` is not a name: use up to 64 letters");
+        refused(&said, &[&told, "starting with a letter"], &["connections"]);
+        assert!(
+            name.is_empty() || said.err.contains(&format!("names.toml:{line}: ")),
+            "{}",
+            said.err
+        );
+    }
+}
+
+#[test]
+fn a_folder_that_is_not_there_is_told() {
+    let folder = Folder::new("no-folder");
+    let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
+    let file = folder.write("elsewhere.toml", &format!("folder = \"/nonexistent\"\n{whole}"));
+    // Builtins need no folder; a program is started in it.
+    let said = orchestrate(&["check", text(&file)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let told = "elsewhere.toml:1: folder: there is no folder `/nonexistent`";
+    assert!(format!("{}{}", said.out, said.err).contains(told), "{said:?}");
+    let said = orchestrate(&[
+        "check",
+        text(&file),
+        "--set",
+        "participants.left.run={ exe = \"true\" }",
+    ]);
+    refused(
+        &said,
+        &[
+            "folder: there is no folder `/nonexistent",
+            "in which programs are started",
+        ],
+        &[],
+    );
+}
+
+#[test]
 fn a_change_is_said_to_be_where_it_comes_from() {
     let folder = Folder::new("where-from");
     let file = springs(&folder);

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use lockstep::link::{Hold, Timing};
+use lockstep::name::{NAME_MAX, is_name};
+use lockstep::plan::PlanError;
 use lockstep::time::Rational;
 use report::view::View;
 use toml::Table;
@@ -117,6 +119,12 @@ impl Scenario {
             origin: spec.origin.clone(),
         };
         mistakes.extend(one_line(&source, &spec.title));
+        let misnamed = misnamed(&source, &spec);
+        if !misnamed.is_empty() {
+            // What refers to such a participant would be refused for another reason.
+            mistakes.extend(misnamed);
+            return Err(source.error(mistakes));
+        }
         let mut all: Vec<&String> = spec.participants.keys().chain(&broken.participants).collect();
         all.sort();
         let names = Names::new(all.iter().map(|name| (*name).clone()));
@@ -313,6 +321,13 @@ impl Scenario {
                 format!("{time} is after the end at {end}: nothing is measured in this run"),
             );
         }
+        if let Some(folder) = self.spec.folder.as_ref().filter(|_| !self.source.folder.is_dir()) {
+            let reason = format!(
+                "there is no folder `{folder}`, to which relative paths are relative: this run needs none of them; write the folder that \
+                 is meant, or leave the key out"
+            );
+            remark(FOLDER, reason);
+        }
         if self
             .source
             .folder_in_full()
@@ -373,6 +388,17 @@ impl Scenario {
         };
         self.source.mistake(&key, reason)
     }
+}
+
+/// The mistakes in the names of participants.
+fn misnamed(source: &Source, spec: &ScenarioSpec) -> Vec<Mistake> {
+    let fits = |name: &str| name.starts_with(|c: char| c.is_ascii_alphabetic()) && is_name(name, NAME_MAX);
+    let bad = spec.participants.keys().filter(|name| !fits(name));
+    let mistakes = bad.map(|name| {
+        let reason = PlanError::Name(name.clone()).to_string();
+        source.mistake(&format!("participants.{name}"), reason)
+    });
+    mistakes.collect()
 }
 
 /// The mistake in `title`, which is printed in the terminal and shown in pages, so it must not contain control characters.
