@@ -135,6 +135,31 @@ fn a_folder_that_is_not_there_is_told() {
 }
 
 #[test]
+fn titles_with_control_characters_are_refused_and_escaped() {
+    let folder = Folder::new("titles");
+    let file = springs(&folder);
+    let out = folder.path().join("out");
+    let list = folder.write("cases.toml", "title = \"\\u001b[2J\"\n[[case]]\nname = \"healthy\"\n");
+    let cases = orchestrate(&["faults", text(&file), "--cases", text(&list), "--out", text(&out)]);
+    let stock = std::fs::read_to_string(root().join("gains/p-diagonal.spec.toml")).expect("it is there");
+    let title = stock
+        .lines()
+        .find(|line| line.starts_with("title = "))
+        .expect("it has a title");
+    let spec = folder.write("p.spec.toml", &stock.replace(title, "title = \"\\u001b[2J\""));
+    let tuned = orchestrate(&["tune", text(&spec), "--out", text(&out)]);
+    for (said, name) in [(cases, "cases.toml"), (tuned, "p.spec.toml")] {
+        let told = "title: \"\\u{1b}[2J\" has the control character";
+        refused(
+            &said,
+            &[name, told, "write one line without control characters"],
+            &["\u{1b}"],
+        );
+    }
+    assert!(!out.exists(), "nothing is written");
+}
+
+#[test]
 fn a_change_is_said_to_be_where_it_comes_from() {
     let folder = Folder::new("where-from");
     let file = springs(&folder);

@@ -25,6 +25,7 @@ use super::recorded::{self, RecordRequest};
 use super::source::Source;
 use super::spec::{Changes, FOLDER, Reading, ScenarioSpec};
 use crate::builtins::{Builtins, HasBuiltins};
+use crate::text::check_title;
 
 /// A scenario that has been read and resolved, as far as possible without the participants.
 #[derive(Clone)]
@@ -118,7 +119,9 @@ impl Scenario {
             folder: spec.folder_at(file),
             origin: spec.origin.clone(),
         };
-        mistakes.extend(one_line(&source, &spec.title));
+        if let Err(reason) = check_title(&spec.title) {
+            mistakes.push(source.mistake("title", reason));
+        }
         let misnamed = misnamed(&source, &spec);
         if !misnamed.is_empty() {
             // What refers to such a participant would be refused for another reason.
@@ -399,14 +402,6 @@ fn misnamed(source: &Source, spec: &ScenarioSpec) -> Vec<Mistake> {
         source.mistake(&format!("participants.{name}"), reason)
     });
     mistakes.collect()
-}
-
-/// The mistake in `title`, which is printed in the terminal and shown in pages, so it must not contain control characters.
-fn one_line(source: &Source, title: &str) -> Option<Mistake> {
-    let separates = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}');
-    let bad = title.chars().find(|&c| separates(c))?;
-    let reason = format!("{title:?} has the control character {bad:?}: write one line without control characters");
-    Some(source.mistake("title", reason))
 }
 
 /// The participant and the input that an entry of `inputs` names.

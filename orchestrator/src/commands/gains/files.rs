@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use capture::flight::find;
+use engine::check_title;
 use synthesis::robot::{Robot, Spec};
 
 use crate::commands::model;
@@ -13,6 +14,7 @@ use crate::destination;
 /// folder of the specification, or its parent folder, whichever has it.
 pub fn load(path: &Path, text: &str, allow_unphysical: bool) -> anyhow::Result<(Spec, Robot, String)> {
     let spec: Spec = toml::from_str(text)?;
+    check_title(&spec.title).map_err(|reason| anyhow!("title: {reason}"))?;
     let Some(found) = find(path, &spec.robot.urdf) else {
         bail!(
             "robot.urdf = {:?}: no such file here, beside the specification, or above it",
