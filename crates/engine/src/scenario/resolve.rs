@@ -160,13 +160,8 @@ impl Scenario {
         let pictures = pictures.map_err(&mut refused).unwrap_or_default();
         let record = recorded::read(&source, &names, &spec.record);
         let record = record.map_err(&mut refused).unwrap_or_default();
-        let mut inputs = Vec::new();
-        for port in &spec.inputs {
-            match open_input(&names, port) {
-                Ok(input) => inputs.push(input),
-                Err(reason) => mistakes.push(source.mistake("inputs", reason)),
-            }
-        }
+        let inputs = open_inputs(&source, &names, &spec.inputs);
+        let inputs = inputs.map_err(&mut refused).unwrap_or_default();
         if !mistakes.is_empty() {
             return Err(source.error(mistakes));
         }
@@ -402,6 +397,18 @@ fn misnamed(source: &Source, spec: &ScenarioSpec) -> Vec<Mistake> {
         source.mistake(&format!("participants.{name}"), reason)
     });
     mistakes.collect()
+}
+
+/// The participants and the inputs that `inputs` names.
+fn open_inputs(source: &Source, names: &Names, ports: &[String]) -> Result<Vec<(usize, String)>, Vec<Mistake>> {
+    let (mut inputs, mut mistakes) = (Vec::new(), Vec::new());
+    for port in ports {
+        match open_input(names, port) {
+            Ok(input) => inputs.push(input),
+            Err(reason) => mistakes.push(source.mistake("inputs", reason)),
+        }
+    }
+    if mistakes.is_empty() { Ok(inputs) } else { Err(mistakes) }
 }
 
 /// The participant and the input that an entry of `inputs` names.
