@@ -10,6 +10,9 @@ use lockstep::time::{Rational, TimeError};
 use engine::run::{self, Known, Overrun, RunFailure, Wait};
 use engine::scenario::{Changes, FaultSpec, Program, RunSpec, Scenario, Time};
 
+use crate::destination;
+use crate::refusal::Refusal;
+
 /// A scenario with changes.
 #[derive(Debug, Args)]
 pub struct ScenarioArgs {
@@ -217,6 +220,17 @@ pub struct CommonArgs {
     /// default 20 s)
     #[arg(long, value_name = "TIME", value_parser = span)]
     pub start_within: Option<Rational>,
+}
+
+impl HowArgs {
+    /// Checks that the trace is not written over a recorded run.
+    ///
+    /// # Errors
+    /// The part of the run that its file would be.
+    pub fn check_trace(&self) -> Result<(), Refusal> {
+        let file = self.trace.as_deref();
+        file.map_or(Ok(()), |file| destination::check("--trace", file))
+    }
 }
 
 /// Whether programs are started to be asked for their ports.

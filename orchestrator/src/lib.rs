@@ -12,6 +12,7 @@ mod cli;
 mod commands;
 #[cfg(feature = "capture")]
 pub mod decoders;
+mod destination;
 mod limits;
 mod line;
 mod program;

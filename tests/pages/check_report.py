@@ -285,6 +285,21 @@ def take_pictures(driver, folder):
     driver.set_window_size(1500, 1000)
 
 
+def check_room(driver):
+    """What lies on the playback covers nothing else that lies on it, at any width, even where the names of runs are long."""
+    driver.execute_script("document.getElementById('stage').scrollIntoView({block: 'center'})")
+    for width in (1400, 1100, 800, 600):
+        driver.set_window_size(width, 900)
+        time.sleep(0.5)
+        boxes = {name: driver.execute_script("const b = document.querySelector(arguments[0]).getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]", name)
+                 for name in (".stage .hud table", ".stage .cameras", ".stage .shows", ".stage .scale")}
+        for one, a in boxes.items():
+            for other, b in boxes.items():
+                apart = a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
+                assert one == other or apart, f"at {width} px {one} {a} covers {other} {b}"
+    driver.set_window_size(1400, 900)
+
+
 def main():
     arguments = argparse.ArgumentParser()
     arguments.add_argument("program")
@@ -319,7 +334,8 @@ def main():
                 driver.get(page.as_uri())
                 check_bodies(driver, run)
             if args.second:
-                subprocess.run([args.program, "report", args.run, args.second, "--out", both], check=True, stdout=sys.stderr)
+                names = [option for ms in (10, 20) for option in ("--label", f"measured.delay = {ms} ms, controller.period = {ms} ms")]
+                subprocess.run([args.program, "report", args.run, args.second, *names, "--out", both], check=True, stdout=sys.stderr)
                 driver.get(both.as_uri())
                 runs, scenes, panels = driver.execute_script(
                     "return [escapement.data.runs.length, escapement.player.scenes.length, escapement.figures['base-torque'].shared.panels.length]")
@@ -328,6 +344,7 @@ def main():
                     driver.execute_script("escapement.setTheme('dark'); escapement.clock.set(9); window.scrollTo(0, 0)")
                     time.sleep(1.0)
                     driver.save_screenshot(str(args.screenshots / "two.png"))
+                check_room(driver)
                 check_quiet(driver, both)
                 print("two runs: side by side and overlaid")
         finally:

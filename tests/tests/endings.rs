@@ -434,6 +434,8 @@ fn a_file_that_gets_too_large_is_named_by_export_and_report() {
     let (folder, said) = ended("damper", &["--quiet"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     let run = folder.path().join("run");
+    let page = folder.path().join("run/report.html");
+    std::fs::write(&page, "the page of before").expect("the folder can be written");
     for command in ["export --to csv", "export --to mcap", "report"] {
         let program = orchestrator().display();
         let shell = format!("ulimit -f 8; exec '{program}' {command} '{}'", run.display());
@@ -443,6 +445,9 @@ fn a_file_that_gets_too_large_is_named_by_export_and_report() {
         assert_eq!(said.code, Some(1), "{said:?}");
         assert!(said.err.contains(text(folder.path())), "{said:?}");
     }
+    let kept = std::fs::read_to_string(&page).expect("the page is there");
+    assert_eq!(kept, "the page of before");
+    assert!(!folder.path().join("run/report.html.part").exists());
 }
 
 #[test]

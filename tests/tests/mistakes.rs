@@ -44,6 +44,122 @@ fn a_connection_that_is_refused_is_the_only_mistake() {
 }
 
 #[test]
+fn a_value_of_a_wrong_type_is_refused_with_what_to_write() {
+    let folder = Folder::new("wrong-types");
+    let file = springs(&folder);
+    for (set, parts) in [
+        ("duration=10", ["duration: `10` is not a time", "a number and a unit"]),
+        ("duration=nan", ["duration: `NaN` is not a time", "a number and a unit"]),
+        ("duration=true", ["duration: ", "expected a time: a number and a unit"]),
+        (
+            "duration=1e300 s",
+            ["duration: `1e300 s` needs a fraction", "fewer digits"],
+        ),
+        (
+            "participants.left.run=3",
+            ["participants.left.run: ", "{ exe = \"FILE\""],
+        ),
+        (
+            "participants.left=3",
+            ["participants.left: ", "the keys of a participant, such as"],
+        ),
+        (
+            "connections.to-right=3",
+            ["connections.to-right: ", "the keys of a connection, such as"],
+        ),
+        ("guards.x=3", ["guards.x: ", "the keys of a guard, such as"]),
+        ("measures.x=3", ["measures.x: ", "the keys of a measure, such as"]),
+        (
+            "connections.to-right.initial={ position = 1e400 }",
+            [
+                "connections.to-right.initial: `{ position = 1e400 }` is not TOML",
+                "in quotes",
+            ],
+        ),
+    ] {
+        let said = orchestrate(&["check", text(&file), "--set", set]);
+        refused(&said, &parts, &["struct", "Spec"]);
+        assert!(said.err.contains("(given with --set)"), "{}", said.err);
+    }
+}
+
+#[test]
+fn a_participant_with_a_bad_name_is_refused_at_its_line() {
+    let folder = Folder::new("bad-names");
+    let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
+    assert!(whole.contains("[participants.left]"), "{whole}");
+    for name in ["a.b", "a b", "1a", ""] {
+        let wrong = whole
+            .replace("[participants.left]", &format!("[participants.\"{name}\"]"))
+            .replace("left.", &format!("{name}."));
+        let line = wrong
+            .lines()
+            .position(|line| line.starts_with("[participants.\""))
+            .expect("it is there")
+            + 1;
+        let said = orchestrate(&["check", text(&folder.write("names.toml", &wrong))]);
+        let told = format!("participants.{name}: `{name}` is not a name: use up to 64 letters");
+        refused(&said, &[&told, "starting with a letter"], &["connections"]);
+        assert!(
+            name.is_empty() || said.err.contains(&format!("names.toml:{line}: ")),
+            "{}",
+            said.err
+        );
+    }
+}
+
+#[test]
+fn a_folder_that_is_not_there_is_told() {
+    let folder = Folder::new("no-folder");
+    let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
+    let file = folder.write("elsewhere.toml", &format!("folder = \"/nonexistent\"\n{whole}"));
+    // Builtins need no folder; a program is started in it.
+    let said = orchestrate(&["check", text(&file)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let told = "elsewhere.toml:1: folder: there is no folder `/nonexistent`";
+    assert!(format!("{}{}", said.out, said.err).contains(told), "{said:?}");
+    let said = orchestrate(&[
+        "check",
+        text(&file),
+        "--set",
+        "participants.left.run={ exe = \"true\" }",
+    ]);
+    refused(
+        &said,
+        &[
+            "folder: there is no folder `/nonexistent",
+            "in which programs are started",
+        ],
+        &[],
+    );
+}
+
+#[test]
+fn titles_with_control_characters_are_refused_and_escaped() {
+    let folder = Folder::new("titles");
+    let file = springs(&folder);
+    let out = folder.path().join("out");
+    let list = folder.write("cases.toml", "title = \"\\u001b[2J\"\n[[case]]\nname = \"healthy\"\n");
+    let cases = orchestrate(&["faults", text(&file), "--cases", text(&list), "--out", text(&out)]);
+    let stock = std::fs::read_to_string(root().join("gains/p-diagonal.spec.toml")).expect("it is there");
+    let title = stock
+        .lines()
+        .find(|line| line.starts_with("title = "))
+        .expect("it has a title");
+    let spec = folder.write("p.spec.toml", &stock.replace(title, "title = \"\\u001b[2J\""));
+    let tuned = orchestrate(&["tune", text(&spec), "--out", text(&out)]);
+    for (said, name) in [(cases, "cases.toml"), (tuned, "p.spec.toml")] {
+        let told = "title: \"\\u{1b}[2J\" has the control character";
+        refused(
+            &said,
+            &[name, told, "write one line without control characters"],
+            &["\u{1b}"],
+        );
+    }
+    assert!(!out.exists(), "nothing is written");
+}
+
+#[test]
 fn a_change_is_said_to_be_where_it_comes_from() {
     let folder = Folder::new("where-from");
     let file = springs(&folder);
@@ -216,23 +332,28 @@ fn who_ends_before_it_has_entered_the_run_is_said_to() {
 }
 
 #[test]
-fn an_export_that_ends_before_it_begins_is_refused() {
+fn an_export_of_a_window_without_samples_is_refused() {
     let folder = Folder::new("empty-export");
     let file = springs(&folder);
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));
     let said = orchestrate(&["run", text(&file), "--in-process", "--out", text(&run)]);
     assert_eq!(said.code, Some(0), "{said:?}");
     for format in ["csv", "parquet", "mat", "mcap"] {
-        let window = ["--from", "50ms", "--until", "30ms"];
-        let said = orchestrate(
-            &[
-                &["export", text(&run), "--to", format, "--out", text(&out)],
-                &window[..],
-            ]
-            .concat(),
-        );
-        refused(&said, &["--until: ", "30 ms", "50 ms", "the window is empty"], &[]);
-        assert!(!out.exists(), "nothing is written");
+        let windows: [(&[&str], &[&str]); 2] = [
+            (
+                &["--from", "50ms", "--until", "30ms"],
+                &["--until: ", "30 ms", "50 ms", "the window is empty"],
+            ),
+            (
+                &["--from", "1000 h"],
+                &["--from: ", "no sample lies at or after", "have samples from 0.0 s to"],
+            ),
+        ];
+        for (window, told) in windows {
+            let said = orchestrate(&[&["export", text(&run), "--to", format, "--out", text(&out)], window].concat());
+            refused(&said, told, &[]);
+            assert!(!out.exists(), "nothing is written");
+        }
     }
 }
 
@@ -286,120 +407,4 @@ fn output_that_cannot_be_written_is_an_error() {
         on_a_full_disk(&["run", file, "--quiet", "--force", "--out", run]).code,
         Some(0)
     );
-}
-
-#[test]
-fn an_entry_of_a_list_is_the_same_by_its_number_and_by_its_name() {
-    let folder = Folder::new("by-number");
-    world::springs(&folder);
-    let scenario = folder.path().join("springs.toml");
-    let out = folder.path().join("out");
-    for entry in ["push", "1"] {
-        let set = format!("faults.{entry}.value=3 kg");
-        let said = orchestrate(&["check", text(&scenario), "--set", &set]);
-        refused(
-            &said,
-            &["springs.toml: faults.push.value: ", "`3 kg`", "(given with --set)"],
-            &[],
-        );
-        let drawn = format!(
-            "scenario = \"springs.toml\"\npoints = 3\n\n[vary.push]\nkey = \"faults.{entry}.value\"\n\
-             distribution = \"uniform\"\nfrom = \"1 kg\"\nto = \"2 kg\"\n"
-        );
-        let campaign = folder.write("campaign.toml", &drawn);
-        let said = orchestrate(&["sweep", text(&campaign), "--out", text(&out)]);
-        refused(
-            &said,
-            &["campaign.toml:4: vary.push: ", "faults.push.value", "kg"],
-            &["springs.toml:"],
-        );
-    }
-}
-
-#[test]
-fn a_mistake_of_a_case_is_one_of_the_list() {
-    let folder = Folder::new("case-mistake");
-    let scenario = springs(&folder);
-    let out = folder.path().join("out");
-    let fault =
-        "[{ at = \"0.1 s\", input = \"right.neighbour\", field = \"position\", kind = \"bias\", value = \"1 kg\" }]";
-    for (part, change, names) in [
-        (
-            "set",
-            "set = { \"connections.to-right.dellay\" = \"20 ms\" }",
-            "connections.to-right.dellay",
-        ),
-        ("set", "set = { \"duraton\" = 1 }", "duraton"),
-        ("faults", &format!("faults = {fault}"), "`1 kg`"),
-    ] {
-        let list = folder.write(
-            "cases.toml",
-            &format!("title = \"t\"\n\n[[case]]\nname = \"a\"\n{change}\n"),
-        );
-        let said = orchestrate(&["faults", text(&scenario), "--cases", text(&list), "--out", text(&out)]);
-        let place = format!("cases.toml:5: case `a`: {part}: ");
-        refused(&said, &[&place, names], &["m.toml"]);
-    }
-    // A case without changes is not the cause.
-    let wrong = std::fs::read_to_string(&scenario).unwrap().replace("1 kg", "1 m");
-    let wrong = folder.write("m.toml", &wrong);
-    let list = folder.write("cases.toml", "[[case]]\nname = \"a\"\n");
-    let said = orchestrate(&["faults", text(&wrong), "--cases", text(&list), "--out", text(&out)]);
-    refused(&said, &["m.toml:", "`1 m`"], &["cases.toml"]);
-    assert!(!out.exists(), "nothing is written");
-}
-
-#[test]
-fn an_audit_without_another_shard_is_refused() {
-    let folder = Folder::new("audit-alone");
-    let scenario = springs(&folder);
-    let out = folder.path().join("out");
-    let sweep =
-        |more: &[&str]| orchestrate(&[&["sweep", text(&scenario), "--seeds", "2", "--out", text(&out)], more].concat());
-    let parts = ["--audit: ", "no other shard", "two shards or more"];
-    refused(&sweep(&["--audit", "50%", "--shard", "1/1"]), &parts, &[]);
-    refused(
-        &sweep(&["--audit", "50%", "--on", "shell", "--shards", "1"]),
-        &parts,
-        &[],
-    );
-    assert!(!out.exists(), "nothing is written");
-    assert_eq!(sweep(&["--quiet"]).code, Some(0));
-    refused(
-        &orchestrate(&["sweep", "run", text(&out), "--audit", "50%"]),
-        &parts,
-        &[],
-    );
-}
-
-#[test]
-fn a_design_that_needs_all_of_its_points_has_no_early_end() {
-    let folder = Folder::new("early-end");
-    let scenario = springs(&folder);
-    let out = folder.path().join("out");
-    let until = ["--until", "met within 20 %", "--quiet", "--out", text(&out)];
-    let drawn = |head: &str, more: &str| {
-        let campaign = format!(
-            "scenario = \"m.toml\"\npoints = 8\n{head}\n[vary.k]\nkey = \"participants.left.parameters.stiffness\"\n\
-             distribution = \"uniform\"\nfrom = \"30 N/m\"\nto = \"50 N/m\"\n{more}\n"
-        );
-        let campaign = folder.write("campaign.toml", &campaign);
-        orchestrate(&[&["sweep", text(&campaign)], &until[..]].concat())
-    };
-    for design in ["latin-hypercube", "saltelli"] {
-        let said = drawn(&format!("design = \"{design}\""), "");
-        refused(&said, &["--until: ", "campaign.toml", design, "leave --until out"], &[]);
-    }
-    // One dispersion with such a design is enough.
-    let said = drawn("", "levels = 3\ndesign = \"grid\"");
-    refused(&said, &["--until: ", "grid", "random or sobol"], &[]);
-    let grid = ["--vary", "connections.to-right.delay=0ms,10ms", "--seeds", "4"];
-    let said = orchestrate(&[&["sweep", text(&scenario)], &grid[..], &until[..]].concat());
-    refused(
-        &said,
-        &["--until: ", "connections.to-right.delay", "the seed alone"],
-        &[],
-    );
-    assert!(!out.exists(), "nothing is written");
-    assert_eq!(drawn("design = \"sobol\"", "").code, Some(0));
 }

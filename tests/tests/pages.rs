@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use escapement_tests::program::root;
+use escapement_tests::program::{Folder, orchestrate, root, text};
 use escapement_tests::sources::files;
 
 fn read(name: &str) -> String {
@@ -30,6 +30,42 @@ fn the_readme_quotes_the_example_that_compiles() {
             "docs/languages.md: its copy of {file} differs from the file"
         );
     }
+}
+
+/// The first example in TOML below the line `above` of a page.
+fn example(page: &str, above: &str) -> String {
+    let (_, rest) = page
+        .split_once(above)
+        .unwrap_or_else(|| panic!("there is no `{above}`"));
+    let (_, rest) = rest.split_once("```toml\n").expect("there is an example");
+    rest.split_once("```").expect("it ends").0.to_owned()
+}
+
+#[test]
+fn the_page_on_scenarios_begins_with_the_example_that_runs() {
+    // With `tests/examples.rs`, which runs the file.
+    let scenario = example(&read("docs/scenarios.md"), "# The scenario file");
+    let whole = read("examples/spring/spring.toml");
+    assert!(
+        whole.starts_with(scenario.trim_end()),
+        "docs/scenarios.md: its copy of examples/spring/spring.toml differs from the file"
+    );
+    assert!(
+        whole[scenario.trim_end().len()..]
+            .trim_start()
+            .starts_with("[measures.")
+    );
+}
+
+#[test]
+fn the_guards_of_the_page_let_the_close_capture_pass() {
+    let guards = example(&read("docs/scenarios.md"), "## `[guards.NAME]`");
+    let folder = Folder::new("guards-of-the-page");
+    let stock = read("scenarios/close.toml").replace("../", &format!("{}/", root().display()));
+    let scenario = folder.write("close.toml", &format!("{stock}\n{guards}"));
+    let out = folder.path().join("run");
+    let said = orchestrate(&["run", text(&scenario), "--in-process", "--quiet", "--out", text(&out)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
 }
 
 #[test]

@@ -84,6 +84,37 @@ fn too_little_shared_memory_is_refused_with_the_remedy() {
 }
 
 #[test]
+fn shared_memory_that_cannot_be_used_is_named_by_doctor_and_by_a_run() {
+    let folder = Folder::new("read-only");
+    ring(&folder, 2);
+    let script = "mount -o remount,ro /dev/shm || exit 99\n\
+                  \"$1\" doctor; \"$1\" doctor --json >\"$2/doctor.json\"; \"$1\" run \"$2/s.toml\" --out \"$2/run\"";
+    let Some(said) = in_little_memory("64k", &folder, script) else {
+        return;
+    };
+    assert_eq!(said.code, Some(1), "{said:?}");
+    let told = ["/dev/shm is mounted read-only", "remount,rw", "--in-process"];
+    for part in told {
+        assert!(said.out.contains(part), "doctor: `{part}` is not in: {said:?}");
+        assert!(said.err.contains(part), "run: `{part}` is not in: {said:?}");
+    }
+    assert!(said.out.contains("warning: shared memory"), "{said:?}");
+    let json = std::fs::read_to_string(folder.path().join("doctor.json")).expect("doctor prints JSON");
+    let json: serde_json::Value = serde_json::from_str(&json).expect("it is JSON");
+    let complaint = json["shared_memory_complaint"].as_str().unwrap_or_default();
+    assert!(complaint.contains("read-only"), "{json}");
+    assert!(!folder.path().join("run").exists(), "nothing was to start");
+    let small = in_little_memory("64k", &folder, "\"$1\" doctor").expect("it was possible before");
+    for part in [
+        "warning: shared memory is too small",
+        "are free",
+        "docker run --shm-size",
+    ] {
+        assert!(small.out.contains(part), "`{part}` is not in: {small:?}");
+    }
+}
+
+#[test]
 fn rings_shrink_where_shared_memory_is_small() {
     let folder = Folder::new("shrunk");
     ring(&folder, 24);

@@ -81,3 +81,65 @@ fn shortened_stream_is_refused_by_export() {
         "{said:?}"
     );
 }
+
+#[test]
+fn a_file_that_describes_the_run_and_cannot_be_read_is_refused_where_it_is_used() {
+    let world = World::new("plans", "damper");
+    let run = world.path("undisturbed");
+    let out = world.path("exported");
+    let with = |command: &str, more: &[&str]| orchestrate(&[&[command, text(&run)], more].concat());
+    let export = |to: &str| with("export", &["--to", to, "--out", text(&out)]);
+    for (name, broken, told) in [
+        ("plan.toml", "seed = 7\nduration = \n", "line 2"),
+        ("run.json", "{", "is not JSON"),
+    ] {
+        let path = run.join(name);
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, broken).unwrap();
+        for said in [with("report", &[]), export("mcap"), export("mat"), export("parquet")] {
+            assert_eq!(said.code, Some(2), "{said:?}");
+            assert!(said.err.contains(text(&path)) && said.err.contains(told), "{said:?}");
+        }
+        // What does not use it is not kept from the samples.
+        for said in [export("csv"), with("compare", &[text(&run)])] {
+            assert_eq!(said.code, Some(0), "{said:?}");
+        }
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(export("mcap").code, Some(0), "without {name}");
+        std::fs::write(&path, whole).unwrap();
+    }
+    assert_eq!(with("report", &[]).code, Some(0));
+}
+
+#[test]
+fn nothing_is_written_over_a_recorded_run() {
+    let world = World::new("kept", "damper");
+    let run = world.path("undisturbed");
+    let inside = |name: &str| run.join(name);
+    let (index, plan, tape) = (inside("tape/index.json"), inside("plan.toml"), inside("tape/figures"));
+    let (index, plan, tape) = (text(&index), text(&plan), text(&tape));
+    let scenario = text(&world.scenario);
+    let trace = world.path("traced");
+    let read = || ["tape/index.json", "plan.toml"].map(|name| std::fs::read(inside(name)).unwrap());
+    let before = read();
+    let commands: [&[&str]; 6] = [
+        &["report", text(&run), "--out", index],
+        &["report", text(&run), "--out", plan],
+        &["report", text(&run), "--figures", tape],
+        &["export", text(&run), "--to", "csv", "--out", tape],
+        &["run", scenario, "--out", text(&trace), "--trace", plan],
+        &["resume", text(&run), "--out", text(&trace), "--trace", index],
+    ];
+    for command in commands {
+        let said = orchestrate(command);
+        assert_eq!(said.code, Some(2), "{command:?}: {said:?}");
+        assert!(said.err.contains("is never written over"), "{command:?}: {said:?}");
+        assert_eq!(read(), before, "{command:?}");
+    }
+    assert!(!trace.exists() && !Path::new(tape).exists());
+    // The tape's folder stands for its run.
+    let of_tape = |command: &[&str]| orchestrate(&[&[command[0], text(&run.join("tape"))], &command[1..]].concat());
+    assert_eq!(of_tape(&["report"]).code, Some(0));
+    assert_eq!(of_tape(&["export", "--to", "csv"]).code, Some(0));
+    assert!(inside("report.html").is_file() && inside("export/plant.motion.csv").is_file());
+}

@@ -18,6 +18,20 @@ pub fn quoted(text: &str) -> String {
     lines.join("\n  | ")
 }
 
+/// Checks that `title` is one line without control characters: titles are printed in terminals and shown in pages.
+///
+/// # Errors
+/// What is wrong with it, and the remedy.
+pub fn check_title(title: &str) -> Result<(), String> {
+    let separates = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}');
+    match title.chars().find(|&c| separates(c)) {
+        Some(bad) => Err(format!(
+            "{title:?} has the control character {bad:?}: write one line without control characters"
+        )),
+        None => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

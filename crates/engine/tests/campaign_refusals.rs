@@ -182,6 +182,25 @@ fn dispersion_that_cannot_be_is_refused_with_its_key() {
 }
 
 #[test]
+fn title_of_a_campaign_is_one_line_without_control_characters() {
+    let files = Files::new("refused-title");
+    let rest = one("mass", "distribution = 'constant'\nvalue = '2 kg'");
+    for (written, shown) in [
+        ("\\u001b[2J", "\\u{1b}[2J"),
+        ("one\\ntwo", "one\\ntwo"),
+        ("\\u2028", "\\u{2028}"),
+    ] {
+        let campaign = format!("points = 3\ntitle = \"{written}\"\n{rest}");
+        let place = format!("campaign.toml:3: title: \"{shown}\"");
+        refused(
+            &files,
+            &campaign,
+            &[&place, "write one line without control characters"],
+        );
+    }
+}
+
+#[test]
 fn campaign_that_cannot_be_is_refused_with_its_key() {
     let files = Files::new("refused-whole");
     let two = format!(

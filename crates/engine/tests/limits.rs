@@ -81,7 +81,7 @@ fn what_is_not_a_number_is_not_measured() {
 }
 
 /// Measures that do not fit the streams of the test, the key that is to blame, and a part of the reason.
-const UNFIT: [(&str, &str, &str); 14] = [
+const UNFIT: [(&str, &str, &str); 15] = [
     (
         "of = 'near.out.y'\ncompute = 'max'",
         "of",
@@ -139,6 +139,11 @@ const UNFIT: [(&str, &str, &str); 14] = [
         "of = 'near.out.x'\ncompute = 'max'\nwithin = '[2, 1] m'",
         "within",
         "the lower one first",
+    ),
+    (
+        "of = 'near.out.x'\ncompute = 'max'\nat-most = '100 mm'\nat-least = '2 m'",
+        "at-most",
+        "\"100 mm\" is below `at-least`, \"2 m\": no figure meets both",
     ),
 ];
 

@@ -251,6 +251,21 @@ pub enum ReadError {
         /// The last requested instant.
         to: Rational,
     },
+    /// A time window without any sample, on a tape that has samples.
+    #[error(
+        "no sample {}: the selected streams have samples from {first_s:?} s to {last_s:?} s; choose a window that contains one of their instants",
+        window(from, to)
+    )]
+    Outside {
+        /// The first requested instant, if any.
+        from: Option<Rational>,
+        /// The last requested instant, if any.
+        to: Option<Rational>,
+        /// The first instant with a sample, s.
+        first_s: f64,
+        /// The last instant with a sample, s.
+        last_s: f64,
+    },
     /// No stream of that name or number.
     #[error("there is no stream `{name}`; the tape has {available}")]
     NoStream {
@@ -269,4 +284,14 @@ pub enum ReadError {
         /// The names that exist.
         available: String,
     },
+}
+
+/// Where a requested window lies.
+fn window(from: &Option<Rational>, to: &Option<Rational>) -> String {
+    match (from, to) {
+        (Some(from), Some(to)) => format!("lies from {from} to {to}"),
+        (Some(from), None) => format!("lies at or after {from}"),
+        (None, Some(to)) => format!("lies at or before {to}"),
+        (None, None) => "is selected".to_owned(),
+    }
 }

@@ -38,7 +38,8 @@ impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
     /// Resolves `choice` in `source`.
     ///
     /// # Errors
-    /// A stream or field that does not exist, with those that do; an end before the beginning; a tape that cannot be read.
+    /// A stream or field that does not exist, with those that do; an end before the beginning; a window without a sample of a
+    /// selected stream, if there are samples; a tape that cannot be read.
     pub fn new(source: &'a S, choice: &Choice) -> Result<Excerpt<'a, S>, ReadError> {
         if let (Some(from), Some(to)) = (choice.from, choice.to)
             && to < from
@@ -87,10 +88,39 @@ impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
                 parts,
             });
         }
-        Ok(Excerpt {
+        let excerpt = Excerpt {
             source,
             streams,
             picked,
+        };
+        excerpt.check_window(choice)?;
+        Ok(excerpt)
+    }
+
+    /// A window that leaves nothing of streams that have samples is a mistake, such as one after the end of the run.
+    fn check_window(&self, choice: &Choice) -> Result<(), ReadError> {
+        if self.picked.iter().any(|picked| picked.count > 0) {
+            return Ok(());
+        }
+        let (mut first_s, mut last_s) = (f64::INFINITY, f64::NEG_INFINITY);
+        for picked in &self.picked {
+            let mut record = vec![0; self.source.streams()[picked.stream].stride()];
+            if let Some(last) = self.source.count(picked.stream).checked_sub(1) {
+                self.source.read(picked.stream, 0, &mut record)?;
+                first_s = first_s.min(split_record(&record, 0).stamp_s);
+                self.source.read(picked.stream, last, &mut record)?;
+                last_s = last_s.max(split_record(&record, last).stamp_s);
+            }
+        }
+        if first_s > last_s {
+            // No stream has a sample, whatever the window is.
+            return Ok(());
+        }
+        Err(ReadError::Outside {
+            from: choice.from,
+            to: choice.to,
+            first_s,
+            last_s,
         })
     }
 }
@@ -261,12 +291,22 @@ mod tests {
     }
 
     #[test]
-    fn choice_without_a_sample_is_empty_and_an_unknown_name_is_refused() {
+    fn window_without_a_sample_and_an_unknown_name_are_refused() {
         let tape = tape();
-        for (from, to) in [(Some(5000), None), (Some(310), Some(390))] {
-            let none = Excerpt::new(&tape, &choice(&[], from, to)).unwrap();
-            assert_eq!((none.count(0), none.count(1)), (0, 0), "{from:?} {to:?}");
+        for (from, to, told) in [
+            (Some(5000), None, "lies at or after 5 s"),
+            (Some(310), Some(390), "lies from 310 ms to 390 ms"),
+            (None, Some(-1), "lies at or before"),
+        ] {
+            let error = Excerpt::new(&tape, &choice(&[], from, to)).err().unwrap().to_string();
+            assert!(error.contains(told) && error.contains("from 0.0 s to 4.9 s"), "{error}");
         }
+        // A tape without samples has none in any window.
+        let empty = MemoryTape::new(tape.streams().to_vec()).unwrap();
+        assert_eq!(
+            Excerpt::new(&empty, &choice(&[], Some(5000), None)).unwrap().count(0),
+            0
+        );
         for (name, known) in [("a.z", "`a.x`"), ("a", "`a.x`"), ("a.x.q", "`w`")] {
             let error = Excerpt::new(&tape, &choice(&[name], None, None))
                 .err()

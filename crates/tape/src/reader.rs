@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::format::FORMAT_NAME;
 use super::hash::combine;
+use super::regular::open_regular;
 use super::source::hash_stream;
 use super::spec::{Index, Seal, validate_all};
 use super::{Digest, Event, FORMAT_VERSION, ReadError, Source, StreamSpec};
@@ -78,10 +79,7 @@ impl Reader {
                 path: path.clone(),
                 source,
             };
-            let file = File::open(&path).map_err(io)?;
-            if !file.metadata().map_err(io)?.is_file() {
-                return Err(damaged(&path, "it is not a regular file"));
-            }
+            let file = open_regular(&path).map_err(io)?;
             lanes.push(Lane {
                 path,
                 file,
@@ -228,9 +226,9 @@ fn read_text(path: &Path) -> Result<Vec<u8>, ReadError> {
         path: path.to_owned(),
         source,
     };
-    let file = File::open(path).map_err(io)?;
+    let file = open_regular(path).map_err(io)?;
     let mut text = Vec::new();
-    // The read is limited, instead of checking the length first: the path may be a pipe or a device.
+    // The read is limited, instead of checking the length first: the file may grow meanwhile.
     file.take(MAX_TEXT_BYTES + 1).read_to_end(&mut text).map_err(io)?;
     if text.len() as u64 > MAX_TEXT_BYTES {
         return Err(damaged(path, format!("it is longer than {MAX_TEXT_BYTES} bytes")));

@@ -220,3 +220,28 @@ proptest! {
         prop_assert_eq!(digest_of(&scratch.0).unwrap(), digest);
     }
 }
+
+#[test]
+fn a_pipe_in_place_of_a_file_is_refused_and_not_waited_for() {
+    let scratch = Scratch::new("pipe");
+    let dir = scratch.join("tape");
+    Writer::create(&dir, two_streams()).unwrap().finish().unwrap();
+    for name in ["plant.truth.bin", "seal.json", "events.jsonl"] {
+        let (path, aside) = (dir.join(name), scratch.join("aside"));
+        std::fs::rename(&path, &aside).unwrap();
+        let made = std::process::Command::new("mkfifo").arg(&path).status().unwrap();
+        assert!(made.success(), "{name}");
+        // In a thread of its own: a reader that waits for a writer never comes back.
+        let (said, heard) = std::sync::mpsc::channel();
+        let there = dir.clone();
+        std::thread::spawn(move || {
+            let read = Reader::open(&there).and_then(|reader| reader.events());
+            let _ = said.send(read.map_err(|error| error.to_string()));
+        });
+        let read = heard.recv_timeout(std::time::Duration::from_secs(20));
+        let text = read.expect("the reader does not wait for a pipe").unwrap_err();
+        assert!(text.contains(name) && text.contains("not a regular file"), "{text}");
+        std::fs::rename(&aside, &path).unwrap();
+    }
+    Reader::open(&dir).unwrap().verify().unwrap();
+}

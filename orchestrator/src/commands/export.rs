@@ -7,15 +7,17 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use lockstep::time::Rational;
 use report::export::{self, Compression};
-use report::page::scene_of;
+use report::page::{PlanFile, ReportError, read_json, scene_of};
 use tape::folder::RunFolder;
-use tape::{Choice, Excerpt, ReadError, Source};
+use tape::{Choice, Excerpt, ReadError, Reader, Source};
 
 use super::outputs::note;
 use super::trust::{Trust, name_torn, told};
 use crate::arguments::{instant, model};
 use crate::catalogue::catalogue;
+use crate::destination;
 use crate::line::Busy;
+use crate::refusal::Refusal;
 use engine::scenario::in_path;
 
 /// Exit code: the folder is not a run, or a file of it cannot be read.
@@ -101,6 +103,8 @@ impl ExportArgs {
 /// Exports and lists the files; returns the exit code.
 pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
+    let chosen = args.out.as_deref();
+    chosen.map_or(Ok(()), |out| destination::check("--out", out))?;
     let rerun = (args.to == Format::Rrd).then(|| in_path("rerun"));
     if let Some(None) = rerun {
         eprintln!(
@@ -114,13 +118,15 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
         Err(error) => return Ok(refused(&error)),
     };
     name_torn(&reader);
-    let out = args.out.clone().unwrap_or_else(|| args.run.join("export"));
+    let out = chosen.map_or_else(|| destination::folder_of(&args.run).join("export"), Path::to_owned);
     let busy = Busy::reading("exporting", &args.run);
     let chosen = match Excerpt::new(&reader, &args.choice()) {
         Ok(chosen) => chosen,
         Err(error) => return Ok(refused(&error)),
     };
-    let about = about(&args.run);
+    // A file of comma-separated values has no place for it.
+    let known = (args.to != Format::Csv).then(|| about(&args.run, &reader)).transpose();
+    let (plan, about) = known.map_err(Refusal::of)?.unwrap_or_default();
     let result = match args.to {
         Format::Csv => export::csv(&chosen, &out),
         Format::Parquet => export::parquet(&chosen, &out, &about),
@@ -130,13 +136,8 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             export::mat(&chosen, &path, &about).map(|()| vec![path])
         }
         Format::Mcap | Format::Rrd => {
-            let scene = match scene_of(reader.streams(), &plan_in(&about), catalogue().views(), &args.model) {
-                Ok(scene) => scene,
-                Err(error) => {
-                    eprintln!("error: {error}");
-                    return Ok(UNREADABLE);
-                }
-            };
+            let scene = scene_of(reader.streams(), &plan, catalogue().views(), &args.model);
+            let scene = scene.map_err(Refusal::of)?;
             let path = out.join("run.mcap");
             std::fs::create_dir_all(&out)?;
             export::mcap(&chosen, &path, scene.as_ref(), &about, args.compression()).map(|()| vec![path])
@@ -171,59 +172,34 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
 /// Reports why the tape, or the requested part of it, cannot be read; returns the exit code.
 fn refused(error: &ReadError) -> i32 {
     let option = match error {
-        ReadError::Window { .. } => "--until: ",
+        ReadError::Window { .. } | ReadError::Outside { from: None, .. } => "--until: ",
+        ReadError::Outside { .. } => "--from: ",
         _ => "",
     };
     eprintln!("error: {option}{}", told(error));
     UNREADABLE
 }
 
-/// The plan in the information about a run; empty where it is missing.
-fn plan_in(about: &[(&'static str, String)]) -> toml::Table {
-    let plan = about.iter().find(|(key, _)| *key == "plan");
-    plan.and_then(|(_, text)| text.parse().ok()).unwrap_or_default()
-}
-
-/// The available information in the run's folder: the plan, the program, and the digest of its tape.
-fn about(run: &Path) -> Vec<(&'static str, String)> {
-    let folder = if run.join("index.json").is_file() {
-        run.join("..")
-    } else {
-        run.to_owned()
-    };
-    let folder = RunFolder::open(&folder);
-    let plan = std::fs::read_to_string(folder.plan()).ok();
-    let value = |path: PathBuf| {
-        let text = std::fs::read_to_string(path).ok()?;
-        serde_json::from_str::<serde_json::Value>(&text).ok()
-    };
-    let (run, seal) = (value(folder.run()), value(folder.tape().join("seal.json")));
-    let text = |from: &Option<serde_json::Value>, key: &str| {
-        let found = from.as_ref()?.get(key)?;
-        Some(found.as_str().map_or_else(|| found.to_string(), str::to_owned))
-    };
-    let table = plan.as_ref().and_then(|plan| plan.parse::<toml::Table>().ok());
-    let seed = table.and_then(|table| {
-        Some(
-            table
-                .get("seed")?
-                .as_str()
-                .map_or_else(|| table["seed"].to_string(), str::to_owned),
-        )
-    });
+/// The plan of the run, and the available information in its folder: the plan's text, the program, and the digest of its tape.
+fn about(run: &Path, tape: &Reader) -> Result<(toml::Table, Vec<(&'static str, String)>), ReportError> {
+    let folder = RunFolder::open(&destination::folder_of(run));
+    let PlanFile { text: plan, table } = PlanFile::read(&folder)?;
+    let run = read_json(&folder.run())?;
+    let text = |found: &serde_json::Value| found.as_str().map_or_else(|| found.to_string(), str::to_owned);
+    let found = |from: &serde_json::Value, key: &str| from.get(key).map(text);
+    let seed = table.get("seed");
+    let seed = seed.map(|seed| seed.as_str().map_or_else(|| seed.to_string(), str::to_owned));
     let known = [
-        ("title", text(&run, "title")),
+        ("title", found(&run, "title")),
         ("seed", seed),
-        ("digest", text(&seal, "digest")),
-        ("version", text(&run, "version")),
-        ("started", text(&run, "started")),
-        ("command", text(&run, "command")),
-        ("plan", plan),
+        ("digest", tape.sealed_digest().map(|digest| digest.to_string())),
+        ("version", found(&run, "version")),
+        ("started", found(&run, "started")),
+        ("command", found(&run, "command")),
+        ("plan", Some(plan).filter(|plan| !plan.is_empty())),
     ];
-    known
-        .into_iter()
-        .filter_map(|(key, value)| Some((key, value?)))
-        .collect()
+    let known = known.into_iter().filter_map(|(key, value)| Some((key, value?)));
+    Ok((table, known.collect()))
 }
 
 /// Converts with the installed Rerun, because its format depends on the version that opens it.

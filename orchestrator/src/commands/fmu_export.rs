@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use toml::{Table, Value};
 
-use crate::version;
+use crate::{destination, version};
 
 /// Arguments of `fmu export`.
 #[derive(Debug, Args)]
@@ -46,6 +46,8 @@ type Export = unsafe extern "C" fn(*const c_char, *mut c_void, Say) -> c_int;
 
 /// Exports.
 pub fn run(args: &FmuExportArgs) -> anyhow::Result<i32> {
+    let out = args.out.as_deref();
+    out.map_or(Ok(()), |out| destination::check("--out", out))?;
     let library = match &args.library {
         Some(file) => std::path::absolute(file)?,
         None => beside()?,

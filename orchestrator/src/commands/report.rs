@@ -1,6 +1,5 @@
 //! `escapement report RUN [RUN…]`: one page about one run or several.
 
-use std::fs;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -12,6 +11,7 @@ use super::outputs::note;
 use super::trust::{Trust, told};
 use crate::arguments::model;
 use crate::catalogue::catalogue;
+use crate::destination;
 use crate::line::Busy;
 
 /// Exit code: a folder is not a run, or a file of it cannot be read.
@@ -43,6 +43,9 @@ pub struct ReportArgs {
 /// Reads the runs, writes the page and prints its path; returns the exit code.
 pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
+    for (option, path) in [("--out", &args.out), ("--figures", &args.figures)] {
+        path.iter().try_for_each(|path| destination::check(option, path))?;
+    }
     for run in &args.runs {
         if let Err(error) = args.trust.open(run) {
             eprintln!("error: {}", told(&error));
@@ -68,9 +71,10 @@ pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
             return Ok(UNREADABLE);
         }
     };
-    let page = args.out.clone().unwrap_or_else(|| args.runs[0].join("report.html"));
+    let page = args.out.clone();
+    let page = page.unwrap_or_else(|| destination::folder_of(&args.runs[0]).join("report.html"));
     let html = report.html();
-    fs::write(&page, &html).with_context(|| format!("{}: cannot write the page", page.display()))?;
+    destination::write(&page, &html).with_context(|| format!("{}: cannot write the page", page.display()))?;
     let mut files = vec![page.clone()];
     if let Some(dir) = &args.figures {
         let drawn = report.write_figures(dir)?;

@@ -36,6 +36,7 @@ pub struct ResumeArgs {
 
 /// Continues a run in a new folder; the original one is not changed.
 pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
+    args.how.check_trace()?;
     let folder = RunFolder::open(&args.run);
     let refused = match tape::is_file(&folder.plan()) {
         Ok(true) => None,

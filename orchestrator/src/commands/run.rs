@@ -44,6 +44,7 @@ pub struct RunArgs {
 
 /// Runs and reports.
 pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
+    args.how.check_trace()?;
     if let Some(place) = &args.point {
         return again(place, args);
     }

@@ -9,6 +9,7 @@ use toml::{Table, Value};
 use super::Column;
 use super::dispersions::{near, plain};
 use crate::scenario::{Lines, Mistake, Program, Scenario, ScenarioError};
+use crate::text::check_title;
 
 /// A mistake in a list of cases.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -74,6 +75,7 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
         let line = error.span().map_or(0, |span| text[..span.start].lines().count().max(1));
         refuse(format!("line {line}: {}", error.message()))
     })?;
+    check_title(&list.title).map_err(|reason| refuse(format!("title: {reason}")))?;
     if list.case.is_empty() {
         return Err(refuse("has no [[case]]".into()));
     }

@@ -16,6 +16,7 @@ use super::source::Source;
 use super::{Campaign, CampaignError, Kind};
 use crate::assessment::Criterion;
 use crate::scenario::{Changes, Lines, Mistake, Scenario, ScenarioError};
+use crate::text::check_title;
 
 /// A file that declares a campaign: a separate file that names a scenario, or a scenario with the table `campaign`.
 #[derive(Debug)]
@@ -65,6 +66,9 @@ impl CampaignFile {
             table,
             prefix,
         };
+        if let Err(reason) = check_title(file.title()) {
+            return Err(file.error(vec![file.mistake("title", reason)]));
+        }
         if prefix.is_empty() {
             let folder = path.parent().unwrap_or(Path::new(""));
             file.scenario = match file.table.get("scenario").and_then(Value::as_str) {

@@ -332,7 +332,7 @@ impl Number {
         let power = |unit: &str| match unit {
             "s" => Some(0_i32),
             "ms" => Some(-3),
-            "us" | "µs" => Some(-6),
+            "us" | "\u{b5}s" | "\u{3bc}s" => Some(-6),
             "ns" => Some(-9),
             _ => None,
         };

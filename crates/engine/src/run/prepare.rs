@@ -224,10 +224,8 @@ fn changed_at(own: toml::Table, origin: &Origin) -> Option<String> {
         table.remove("duration");
         table
     };
-    let before = std::fs::read_to_string(parent.plan())
-        .ok()?
-        .parse::<toml::Table>()
-        .ok()?;
+    let before = String::from_utf8(tape::read_regular(&parent.plan()).ok()?).ok()?;
+    let before = before.parse::<toml::Table>().ok()?;
     if lasting(before) != lasting(own) {
         return Some(origin.checkpoint.time.to_string());
     }

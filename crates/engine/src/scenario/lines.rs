@@ -63,10 +63,15 @@ impl Lines {
 
     /// The line of the dotted `key`, from 1, or of the nearest table around it.
     pub(crate) fn line(&self, key: &str) -> Option<usize> {
-        let (mut here, mut found) = (self, None);
-        for part in key.split('.').filter(|part| !part.is_empty()) {
-            let Some(next) = here.below.get(part) else { break };
+        let (mut here, mut found, mut rest) = (self, None, key);
+        while !rest.is_empty() {
+            // A name in quotes may have dots in it.
+            let mut ends = rest.match_indices('.').map(|(at, _)| at).chain([rest.len()]);
+            let Some((end, next)) = ends.find_map(|end| Some((end, here.below.get(&rest[..end])?))) else {
+                break;
+            };
             (here, found) = (next, Some(next.line));
+            rest = rest[end..].trim_start_matches('.');
         }
         found
     }
@@ -123,6 +128,9 @@ mod tests {
             ("b", Some(3)),
             ("b.c.d", Some(4)),
             ("b.missing", Some(3)),
+            ("b.e.f", Some(10)),
+            ("b.e.f.g", Some(11)),
+            ("b.e", Some(3)),
             ("missing", None),
             ("", None),
             ("faults.fault-1.at", Some(6)),

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use lockstep::link::{Hold, Timing};
+use lockstep::name::{NAME_MAX, is_name};
+use lockstep::plan::PlanError;
 use lockstep::time::Rational;
 use report::view::View;
 use toml::Table;
@@ -23,6 +25,7 @@ use super::recorded::{self, RecordRequest};
 use super::source::Source;
 use super::spec::{Changes, FOLDER, Reading, ScenarioSpec};
 use crate::builtins::{Builtins, HasBuiltins};
+use crate::text::check_title;
 
 /// A scenario that has been read and resolved, as far as possible without the participants.
 #[derive(Clone)]
@@ -116,7 +119,15 @@ impl Scenario {
             folder: spec.folder_at(file),
             origin: spec.origin.clone(),
         };
-        mistakes.extend(one_line(&source, &spec.title));
+        if let Err(reason) = check_title(&spec.title) {
+            mistakes.push(source.mistake("title", reason));
+        }
+        let misnamed = misnamed(&source, &spec);
+        if !misnamed.is_empty() {
+            // What refers to such a participant would be refused for another reason.
+            mistakes.extend(misnamed);
+            return Err(source.error(mistakes));
+        }
         let mut all: Vec<&String> = spec.participants.keys().chain(&broken.participants).collect();
         all.sort();
         let names = Names::new(all.iter().map(|name| (*name).clone()));
@@ -149,13 +160,8 @@ impl Scenario {
         let pictures = pictures.map_err(&mut refused).unwrap_or_default();
         let record = recorded::read(&source, &names, &spec.record);
         let record = record.map_err(&mut refused).unwrap_or_default();
-        let mut inputs = Vec::new();
-        for port in &spec.inputs {
-            match open_input(&names, port) {
-                Ok(input) => inputs.push(input),
-                Err(reason) => mistakes.push(source.mistake("inputs", reason)),
-            }
-        }
+        let inputs = open_inputs(&source, &names, &spec.inputs);
+        let inputs = inputs.map_err(&mut refused).unwrap_or_default();
         if !mistakes.is_empty() {
             return Err(source.error(mistakes));
         }
@@ -313,6 +319,13 @@ impl Scenario {
                 format!("{time} is after the end at {end}: nothing is measured in this run"),
             );
         }
+        if let Some(folder) = self.spec.folder.as_ref().filter(|_| !self.source.folder.is_dir()) {
+            let reason = format!(
+                "there is no folder `{folder}`, to which relative paths are relative: this run needs none of them; write the folder that \
+                 is meant, or leave the key out"
+            );
+            remark(FOLDER, reason);
+        }
         if self
             .source
             .folder_in_full()
@@ -390,12 +403,27 @@ impl Scenario {
     }
 }
 
-/// The mistake in `title`, which is printed in the terminal and shown in pages, so it must not contain control characters.
-fn one_line(source: &Source, title: &str) -> Option<Mistake> {
-    let separates = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}');
-    let bad = title.chars().find(|&c| separates(c))?;
-    let reason = format!("{title:?} has the control character {bad:?}: write one line without control characters");
-    Some(source.mistake("title", reason))
+/// The mistakes in the names of participants.
+fn misnamed(source: &Source, spec: &ScenarioSpec) -> Vec<Mistake> {
+    let fits = |name: &str| name.starts_with(|c: char| c.is_ascii_alphabetic()) && is_name(name, NAME_MAX);
+    let bad = spec.participants.keys().filter(|name| !fits(name));
+    let mistakes = bad.map(|name| {
+        let reason = PlanError::Name(name.clone()).to_string();
+        source.mistake(&format!("participants.{name}"), reason)
+    });
+    mistakes.collect()
+}
+
+/// The participants and the inputs that `inputs` names.
+fn open_inputs(source: &Source, names: &Names, ports: &[String]) -> Result<Vec<(usize, String)>, Vec<Mistake>> {
+    let (mut inputs, mut mistakes) = (Vec::new(), Vec::new());
+    for port in ports {
+        match open_input(names, port) {
+            Ok(input) => inputs.push(input),
+            Err(reason) => mistakes.push(source.mistake("inputs", reason)),
+        }
+    }
+    if mistakes.is_empty() { Ok(inputs) } else { Err(mistakes) }
 }
 
 /// The participant and the input that an entry of `inputs` names.

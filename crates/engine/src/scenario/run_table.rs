@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::error::Mistake;
 use super::program::{Program, in_path, runs};
 use super::source::Source;
-use super::spec::RunSpec;
+use super::spec::{FOLDER, RunSpec};
 
 /// Reads a `run` table at `key`.
 pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Program, Mistake> {
@@ -54,6 +54,10 @@ pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Progr
             let folder = &source.folder;
             let found = find(folder, exe).and_then(|exe| Ok((exe, absolute(folder)?)));
             let (exe, folder) = found.map_err(|reason| source.mistake(key, reason))?;
+            if !folder.is_dir() {
+                let reason = format!("there is no folder `{}`, in which programs are started", folder.display());
+                return Err(source.mistake(FOLDER, reason));
+            }
             let args = run.args.clone();
             Ok(Program::External { exe, args, folder })
         }

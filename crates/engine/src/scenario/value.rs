@@ -12,6 +12,22 @@ pub fn value(text: &str) -> Value {
     one.unwrap_or_else(|| Value::String(text.to_owned()))
 }
 
+/// As [`value`]. A list or a table in brackets that is not TOML, such as one with a number that does not fit, is refused: as a text it
+/// would be refused later for another reason, or accepted as what was not meant. Brackets with a unit behind them are a text.
+pub(super) fn checked_value(text: &str) -> Result<Value, String> {
+    let bracketed = [('{', '}'), ('[', ']')];
+    let is_structure = bracketed
+        .iter()
+        .any(|&(open, close)| text.starts_with(open) && text.ends_with(close));
+    match format!("x = {text}").parse::<Table>() {
+        Err(error) if is_structure => Err(format!(
+            "`{text}` is not TOML: {}; a text with brackets around it is written in quotes",
+            error.message().trim_end()
+        )),
+        _ => Ok(value(text)),
+    }
+}
+
 /// On a command line 0.0 is written as 0: a value that was a decimal number, or a list of them, `before` stays one.
 pub(super) fn keep_decimal(value: &mut Value, before: &Value) {
     match (value, before) {
@@ -29,5 +45,31 @@ pub(super) fn keep_decimal(value: &mut Value, before: &Value) {
             }
         }
         _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn brackets_that_are_not_toml_are_no_text() {
+        for text in ["{ position = 1e400 }", "[1, 2", "[1, 1e400]", "{ a = }", "[draft]"] {
+            let read = checked_value(text);
+            if text.ends_with([']', '}']) {
+                let reason = read.expect_err(text);
+                assert!(reason.contains(text) && reason.contains("is not TOML"), "{reason}");
+            } else {
+                assert_eq!(read, Ok(Value::String(text.to_owned())));
+            }
+        }
+        for (text, kind) in [
+            ("{ a = 1 }", "table"),
+            ("[1, 2]", "array"),
+            ("[1, 2] mm", "string"),
+            ("10 ms", "string"),
+        ] {
+            assert_eq!(checked_value(text).expect(text).type_str(), kind, "{text}");
+        }
     }
 }

@@ -48,7 +48,9 @@ pub enum TimeError {
         text: String,
     },
     /// The value does not fit a 64-bit fraction.
-    #[error("`{text}` needs a fraction with more than 63 bits: write it with fewer digits")]
+    #[error(
+        "`{text}` needs a fraction of seconds with more than 63 bits: write a value between 1e-18 s and 9e18 s, with fewer digits"
+    )]
     Range {
         /// What was written.
         text: String,
@@ -222,11 +224,15 @@ impl FromStr for Rational {
             .find(|&(at, c)| c.is_alphabetic() && !is_exponent(trimmed, at, c))
             .map_or(trimmed.len(), |(at, _)| at);
         let (value, unit) = (trimmed[..split].trim(), trimmed[split..].trim());
+        let number = |text: &str| match decimal(text) {
+            Ok(number) => Ok(number),
+            Err(Flaw::NoNumber) => Err(syntax()),
+            Err(Flaw::TooWide) => Err(range()),
+        };
         let (numerator, denominator) = match value.split_once('/') {
-            None => decimal(value).ok_or_else(syntax)?,
+            None => number(value)?,
             Some((above, below)) => {
-                let (a, b) = decimal(above.trim()).ok_or_else(syntax)?;
-                let (c, d) = decimal(below.trim()).ok_or_else(syntax)?;
+                let ((a, b), (c, d)) = (number(above.trim())?, number(below.trim())?);
                 if c == 0 {
                     return Err(TimeError::ZeroDenominator { text: text.to_owned() });
                 }
@@ -244,14 +250,15 @@ impl FromStr for Rational {
             }
             Rational::new(i128::from(hertz.denominator), i128::from(hertz.numerator)).ok_or_else(range)
         };
-        match unit {
+        // The Greek letter looks like the sign for micro, and keyboards have either.
+        match unit.replace('\u{3bc}', "\u{b5}").as_str() {
             "Hz" => rate(1),
             "kHz" => rate(1000),
             "" => Err(syntax()),
-            _ => {
+            known => {
                 let &(_, n, d) = UNITS
                     .iter()
-                    .find(|(name, ..)| *name == unit)
+                    .find(|(name, ..)| *name == known)
                     .ok_or_else(|| TimeError::Unit {
                         text: text.to_owned(),
                         unit: unit.to_owned(),
@@ -269,32 +276,51 @@ fn is_exponent(text: &str, at: usize, c: char) -> bool {
         && after.is_some_and(|d| d.is_ascii_digit() || d == '-' || d == '+')
 }
 
+/// Why a text is not read as a decimal number.
+enum Flaw {
+    NoNumber,
+    /// It is a number, but its fraction does not fit.
+    TooWide,
+}
+
 /// A decimal number as an exact fraction.
-fn decimal(text: &str) -> Option<(i128, i128)> {
-    let (mantissa, exponent) = match text.split_once(['e', 'E']) {
-        Some((mantissa, exponent)) => (mantissa, exponent.parse::<i32>().ok()?),
-        None => (text, 0),
+fn decimal(text: &str) -> Result<(i128, i128), Flaw> {
+    let signed = |text: &str| -> (bool, String) {
+        let negative = text.strip_prefix('-');
+        let rest = negative.unwrap_or_else(|| text.strip_prefix('+').unwrap_or(text));
+        (negative.is_some(), rest.to_owned())
     };
-    let (negative, digits) = match mantissa.strip_prefix('-') {
-        Some(rest) => (true, rest),
-        None => (false, mantissa.strip_prefix('+').unwrap_or(mantissa)),
-    };
-    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
-    let all = format!("{whole}{fraction}");
-    if all.is_empty() || all.len() > 30 || !all.bytes().all(|b| b.is_ascii_digit()) {
-        return None;
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
+    if !digits(&signed(exponent).1) {
+        return Err(Flaw::NoNumber);
     }
-    let value: i128 = all.parse().ok()?;
-    let value = if negative { -value } else { value };
-    let power = exponent.checked_sub(i32::try_from(fraction.len()).ok()?)?;
-    let scale = 10_i128.checked_pow(power.unsigned_abs())?;
-    let (n, d) = if power < 0 {
-        (value, scale)
-    } else {
-        (value.checked_mul(scale)?, 1)
+    let (negative, unsigned) = signed(mantissa);
+    let (whole, fraction) = unsigned.split_once('.').unwrap_or((&unsigned, ""));
+    let all = format!("{whole}{fraction}");
+    if !digits(&all) {
+        return Err(Flaw::NoNumber);
+    }
+    if all.bytes().all(|b| b == b'0') {
+        return Ok((0, 1));
+    }
+    let fraction = || -> Option<(i128, i128)> {
+        let value: i128 = Some(&all).filter(|all| all.len() <= 30)?.parse().ok()?;
+        let value = if negative { -value } else { value };
+        let power = exponent
+            .parse::<i32>()
+            .ok()?
+            .checked_sub(i32::try_from(fraction.len()).ok()?)?;
+        let scale = 10_i128.checked_pow(power.unsigned_abs())?;
+        if power < 0 {
+            Some((value, scale))
+        } else {
+            Some((value.checked_mul(scale)?, 1))
+        }
     };
+    let (n, d) = fraction().ok_or(Flaw::TooWide)?;
     let common = gcd(n, d).max(1);
-    Some((n / common, d / common))
+    Ok((n / common, d / common))
 }
 
 impl fmt::Display for Rational {
@@ -357,6 +383,10 @@ mod tests {
         check("-3 s", -3, 1);
         check("2 min", 120, 1);
         check("1/3 ms", 1, 3000);
+        check("250 \u{b5}s", 1, 4000);
+        check("250 \u{3bc}s", 1, 4000);
+        check("0e400 s", 0, 1);
+        check("+1.50e+1 s", 15, 1);
     }
 
     #[test]
@@ -379,6 +409,11 @@ mod tests {
             ("1/2", "write a number and a unit"),
             ("1 deg", "the unit `deg`"),
             ("1e30 s", "more than 63 bits"),
+            ("1e300 s", "more than 63 bits"),
+            ("-1e-300 s", "more than 63 bits"),
+            ("1e99999999999 s", "more than 63 bits"),
+            ("1.2345678901234567890123456789012345 s", "with fewer digits"),
+            ("--1 s", "write a number and a unit"),
         ] {
             let refused = text.parse::<Rational>().unwrap_err().to_string();
             assert!(refused.starts_with(&format!("`{text}`")), "{refused}");

@@ -287,6 +287,8 @@ fn number_end(text: &str) -> usize {
 /// Factor to SI, whether it contains an angle unit other than the radian, and dimension.
 fn unit_of(unit: &str, text: &str) -> Result<((f64, bool), Dimension), UnitError> {
     let unit = unit.replace(['·', '*'], " ").replace('²', "^2").replace('³', "^3");
+    // The Greek letter looks like the sign for micro, and keyboards have either.
+    let unit = unit.replace('\u{3bc}', "\u{b5}");
     let spaced = unit.replace('/', " / ");
     let (mut factor, mut dimension, mut odd_angle) = (1.0, Dimension::default(), false);
     let mut sign = 1;
@@ -355,6 +357,8 @@ mod tests {
             ("0.5 m", M, 0.5),
             ("-2.5e-3 km", M, -2.5),
             ("10ms", S, 0.01),
+            ("10 \u{b5}s", S, 1e-5),
+            ("10 \u{3bc}s", S, 1e-5),
             ("0.2 N m", NM, 0.2),
             ("0.2 N*m", NM, 0.2),
             ("0.2 Nm", NM, 0.2),

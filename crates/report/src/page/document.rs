@@ -82,7 +82,7 @@ fn run(run: &Run) -> Value {
         "digest": run.digest,
         "sealed": run.sealed,
         "notes": run.notes,
-        "plan": run.plan,
+        "plan": run.plan.text,
         "events": run.events,
         "figures": figures.collect::<serde_json::Map<_, _>>(),
         "differences": differences.collect::<serde_json::Map<_, _>>(),

@@ -10,10 +10,11 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value, json};
 
 use super::error::ReportError;
+use super::files::{PlanFile, read_json};
 use super::motion::MAX_FRAMES;
 use super::pictures::{Pictures, pictures};
 use super::report::Report;
-use super::run::{FigureData, Request, Run, marks_of, name_of, read_json, table_of};
+use super::run::{FigureData, Request, Run, marks_of, name_of};
 use super::series::{Evaluated, Series, whole};
 use super::{base64, document};
 use crate::view::{Binding, Views};
@@ -27,7 +28,7 @@ const POINTS: u64 = 1500;
 pub struct Live {
     folder: PathBuf,
     reader: Reader,
-    plan: String,
+    plan: PlanFile,
     pictures: Pictures,
     /// Every n-th sample of each stream is shown.
     strides: Vec<u64>,
@@ -57,7 +58,7 @@ impl Live {
     /// A tape that cannot be read.
     pub fn open(folder: &Path, duration_s: f64, views: &[Views]) -> Result<Live, ReportError> {
         let reader = Reader::open(folder)?;
-        let plan = std::fs::read_to_string(RunFolder::open(folder).plan()).unwrap_or_default();
+        let plan = PlanFile::read(&RunFolder::open(folder))?;
         let stride = |stream: usize, points: u64| {
             let spec = &reader.streams()[stream];
             let samples = (duration_s - spec.offset.seconds()) / spec.period.seconds();
@@ -66,7 +67,7 @@ impl Live {
         let strides = (0..reader.streams().len())
             .map(|stream| stride(stream, POINTS))
             .collect();
-        let pictures = pictures(reader.streams(), &table_of(&plan), views, &[])?;
+        let pictures = pictures(reader.streams(), &plan.table, views, &[])?;
         let scene = pictures.scene.as_ref();
         let frames = scene.map_or(1, |scene| stride(scene.lead, MAX_FRAMES));
         Ok(Live {

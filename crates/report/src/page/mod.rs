@@ -8,6 +8,7 @@
 mod budget;
 mod document;
 mod error;
+mod files;
 mod held;
 mod live;
 mod motion;
@@ -21,6 +22,7 @@ mod times;
 
 pub(crate) use document::{STYLE, TICKS, TOOLS, base64, filled};
 pub use error::ReportError;
+pub use files::{PlanFile, read_json};
 pub use live::Live;
 pub use pictures::scene_of;
 pub use report::Report;

@@ -8,7 +8,7 @@ use tape::Source;
 
 use super::error::ReportError;
 use super::plans::{self, Difference};
-use super::run::{Request, Run, merged, read_run, subtract, table_of};
+use super::run::{Request, Run, merged, read_run, subtract};
 use super::series::Series;
 use super::{document, summary};
 use crate::figures::{self, Panel};
@@ -40,14 +40,14 @@ impl Report {
             if let Some((reference, its)) = &first {
                 subtract((reference, its), (&reader, &bound), &mut run)?;
             }
-            let plan = table_of(&run.plan);
+            let plan = &run.plan.table;
             headline.extend(
                 request
                     .views
                     .iter()
-                    .flat_map(|view| view(reader.streams(), &plan).headline),
+                    .flat_map(|view| view(reader.streams(), plan).headline),
             );
-            plans.push(plan);
+            plans.push(plan.clone());
             runs.push(run);
             first.get_or_insert((reader, bound));
         }
@@ -101,11 +101,11 @@ impl Report {
             };
             let id: String = figure.id.chars().map(plain).collect();
             let path = dir.join(format!("{id}.svg"));
-            fs::write(&path, figures::svg(&drawing)).map_err(failed(&path))?;
+            tape::write_whole(&path, figures::svg(&drawing)).map_err(failed(&path))?;
             files.push(path);
             if let Some(png) = figures::png(&drawing, PIXELS_PER_POINT) {
                 let path = dir.join(format!("{id}.png"));
-                fs::write(&path, png).map_err(failed(&path))?;
+                tape::write_whole(&path, png).map_err(failed(&path))?;
                 files.push(path);
             }
         }

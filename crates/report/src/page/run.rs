@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use super::budget::Budget;
 use super::error::ReportError;
+use super::files::{PlanFile, read_json};
 use super::motion;
 use super::pictures::{Pictures, pictures};
 use super::series::{self, Series};
@@ -23,7 +24,7 @@ pub(crate) struct Run {
     pub(super) digest: String,
     pub(super) sealed: bool,
     pub(super) notes: Vec<String>,
-    pub(super) plan: String,
+    pub(super) plan: PlanFile,
     pub(super) events: Vec<Event>,
     pub(super) marks: Vec<Mark>,
     pub(super) figures: Vec<FigureData>,
@@ -110,9 +111,9 @@ pub(super) fn subtract(
 pub(super) fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bound, Run), ReportError> {
     let reader = Reader::open(root)?;
     let folder = RunFolder::open(root);
-    let plan = fs::read_to_string(folder.plan()).unwrap_or_default();
+    let plan = PlanFile::read(&folder)?;
     let summary = read_json(&folder.summary())?;
-    let made = pictures(reader.streams(), &table_of(&plan), request.views, request.models)?;
+    let made = pictures(reader.streams(), &plan.table, request.views, request.models)?;
     let Pictures {
         bound,
         marks,
@@ -193,22 +194,4 @@ pub(super) fn name_of(root: &Path) -> String {
     let name = fs::canonicalize(root).ok();
     let name = name.as_deref().unwrap_or(root).file_name();
     name.map_or("run".into(), |name| name.to_string_lossy().into_owned())
-}
-
-/// The plan, empty where it is missing or cannot be read.
-pub(super) fn table_of(plan: &str) -> toml::Table {
-    plan.parse().unwrap_or_default()
-}
-
-/// A JSON file that may be missing: a run that was killed has no summary.
-pub(super) fn read_json(path: &Path) -> Result<Value, ReportError> {
-    let file = |reason: String| ReportError::File {
-        path: path.to_owned(),
-        reason,
-    };
-    match fs::read(path) {
-        Ok(text) => serde_json::from_slice(&text).map_err(|error| file(format!("is not JSON: {error}"))),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Value::Null),
-        Err(error) => Err(file(error.to_string())),
-    }
 }

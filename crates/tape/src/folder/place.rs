@@ -109,8 +109,8 @@ impl RunFolder {
     }
 
     fn about(&self, key: &str) -> Option<String> {
-        let text = std::fs::read_to_string(self.run()).ok()?;
-        let about: serde_json::Value = serde_json::from_str(&text).ok()?;
+        let text = crate::read_regular(&self.run()).ok()?;
+        let about: serde_json::Value = serde_json::from_slice(&text).ok()?;
         Some(about.get(key)?.as_str()?.to_owned())
     }
 

@@ -2,16 +2,19 @@
 
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use capture::flight::find;
+use engine::check_title;
 use synthesis::robot::{Robot, Spec};
 
 use crate::commands::model;
+use crate::destination;
 
 /// Reads a specification and the robot it names. The description's path is resolved relative to the working directory, the
 /// folder of the specification, or its parent folder, whichever has it.
 pub fn load(path: &Path, text: &str, allow_unphysical: bool) -> anyhow::Result<(Spec, Robot, String)> {
     let spec: Spec = toml::from_str(text)?;
+    check_title(&spec.title).map_err(|reason| anyhow!("title: {reason}"))?;
     let Some(found) = find(path, &spec.robot.urdf) else {
         bail!(
             "robot.urdf = {:?}: no such file here, beside the specification, or above it",
@@ -29,5 +32,5 @@ pub fn write(path: &Path, text: &str) -> anyhow::Result<()> {
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    std::fs::write(path, text).with_context(|| path.display().to_string())
+    destination::write(path, text).with_context(|| path.display().to_string())
 }

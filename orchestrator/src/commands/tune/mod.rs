@@ -10,12 +10,20 @@ mod verify;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use crate::destination;
 pub use arguments::TuneArgs;
 use matrices::tune_matrices;
 use robot::tune_robot;
 
 /// Tunes, verifies, writes; returns the exit code.
 pub fn run(args: &TuneArgs) -> anyhow::Result<i32> {
+    for (option, path) in [
+        ("--out", &args.out),
+        ("--export-problem", &args.export_problem),
+        ("--plots", &args.plots),
+    ] {
+        path.iter().try_for_each(|path| destination::check(option, path))?;
+    }
     let text = match std::fs::read_to_string(&args.spec) {
         Ok(text) => text,
         Err(error) => {

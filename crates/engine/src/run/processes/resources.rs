@@ -12,7 +12,7 @@ use std::process::ExitStatus;
 
 use lockstep::plan::Plan;
 use lockstep::transport::iceoryx::{Footprint, footprint};
-use rustix::fs::{FallocateFlags, fallocate, statvfs};
+use rustix::fs::{Access, FallocateFlags, access, fallocate, statvfs};
 use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 
@@ -21,6 +21,8 @@ use crate::run::outcome::RunFailure;
 const SHARED_MEMORY: &str = "/dev/shm";
 /// Bytes that are left for other programs.
 const SPARE: u64 = 256 << 10;
+/// A run of a few participants needs about this much free shared memory, with which its rings are already at their smallest.
+const FEW: u64 = 4 << 20;
 
 /// A size in words.
 fn mib(bytes: u64) -> String {
@@ -52,6 +54,37 @@ impl Room {
             },
         )
     }
+}
+
+/// Why no run with processes can use shared memory as it is now, whatever it needs, with the remedy.
+fn unusable() -> Option<String> {
+    let reason = refused(access(SHARED_MEMORY, Access::WRITE_OK | Access::EXEC_OK).err()?);
+    Some(format!(
+        "shared memory: {SHARED_MEMORY} {reason}; --in-process runs without it"
+    ))
+}
+
+/// What the error of an attempt to use the folder of shared memory means, with the remedy.
+fn refused(error: Errno) -> String {
+    match error {
+        Errno::ROFS => {
+            format!("is mounted read-only: make it writable, such as with mount -o remount,rw {SHARED_MEMORY}")
+        }
+        Errno::ACCESS => {
+            format!("may not be written by this user: give all users access, such as with chmod 1777 {SHARED_MEMORY}")
+        }
+        Errno::NOENT => format!("is not there: mount it, such as with mount -t tmpfs tmpfs {SHARED_MEMORY}"),
+        error => format!("cannot be used: {error}"),
+    }
+}
+
+/// What is wrong with shared memory for runs with processes in general, with the remedy: it cannot be used, or is so full that
+/// hardly any run fits. [`describe`] compares it with what a certain run needs.
+pub fn complaint() -> Option<String> {
+    let room = Room::now();
+    let small =
+        || (room.free < FEW).then(|| format!("shared memory is too small for most runs with processes: {}", words()));
+    unusable().or_else(small)
 }
 
 /// The shared memory that a plan needs, in one line.
@@ -184,6 +217,9 @@ pub(crate) fn rings_now(plan: &Plan) -> Result<Vec<u32>, RunFailure> {
 pub(crate) fn check(plan: &Plan, moves: bool) -> Result<(), RunFailure> {
     let (needs, room) = (footprint(plan), Room::now());
     within_limits(&needs, 1 + u64::from(moves))?;
+    if let Some(reason) = unusable() {
+        return Err(RunFailure::Room(reason));
+    }
     let least = least(&needs, moves);
     if least > room.free {
         return Err(too_little(plan, &needs, least, room));

@@ -209,7 +209,7 @@ impl Checkpoint {
         let paths = entries.map(|entry| entry.path());
         let mut all = Vec::new();
         for path in paths.filter(|path| path.to_string_lossy().ends_with(ENDING)) {
-            let bytes = fs::read(&path).map_err(|source| CheckpointError::Io {
+            let bytes = tape::read_regular(&path).map_err(|source| CheckpointError::Io {
                 path: path.clone(),
                 source,
             })?;
@@ -316,6 +316,19 @@ mod tests {
         }
         let error = found(Some(500)).unwrap_err().to_string();
         assert!(error.contains(&newest.display().to_string()), "{error}");
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_folder_in_place_of_a_checkpoint_is_named() {
+        let folder = std::env::temp_dir().join(format!("escapement-no-checkpoint-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        let path = checkpoint().write(&folder).unwrap();
+        fs::remove_file(&path).unwrap();
+        fs::create_dir(&path).unwrap();
+        let error = Checkpoint::find(&folder, None).unwrap_err().to_string();
+        let named = error.contains(&path.display().to_string());
+        assert!(named && error.contains("not a regular file"), "{error}");
         fs::remove_dir_all(&folder).unwrap();
     }
 

@@ -38,7 +38,7 @@ pub(super) enum Wiring {
 
 /// A table in a map.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table such as { from = \"FIELD\", factor = 2 }")]
 struct Written {
     from: Option<String>,
     factor: Option<Value>,

@@ -138,6 +138,16 @@ impl MeasureSpec {
         if self.at_most.is_some() {
             at_most = Some(single("at-most", self.at_most.as_ref(), unit)?);
         }
+        if let (Some(least), Some(most), Some(low), Some(high)) = (&self.at_least, &self.at_most, at_least, at_most)
+            && low > high
+        {
+            return refusal(
+                "at-most",
+                format!(
+                    "{most} is below `at-least`, {least}: no figure meets both; exchange the two, or leave one out"
+                ),
+            );
+        }
         let given = [&self.within, &self.at_most, &self.at_least];
         let stated = given.into_iter().flatten().find_map(Value::as_str);
         let stated = stated.and_then(units::unit_in).unwrap_or(unit);

@@ -7,7 +7,7 @@ use super::origin::Origin;
 use super::whole::FOLDER;
 use crate::scenario::error::Mistake;
 use crate::scenario::names::fault_name;
-use crate::scenario::value::{keep_decimal, value};
+use crate::scenario::value::{checked_value, keep_decimal};
 
 /// How a change was made: the end of a message about it.
 pub(super) const WITH_SET: &str = "given with --set";
@@ -31,7 +31,9 @@ pub(super) fn change(table: &mut Table, origin: &mut Origin, one: &str, how: &'s
         let reason = "--set takes KEY.PATH=VALUE, such as connections.measured.delay=10ms";
         return Err(refuse(one, reason.into()));
     };
-    set(table, origin, key.trim(), value(text.trim()), how)
+    let key = key.trim();
+    let value = checked_value(text.trim()).map_err(|reason| refuse(key, format!("{reason} ({how})")))?;
+    set(table, origin, key, value, how)
 }
 
 /// Sets `key` to `value`; `how` says where the change comes from.

@@ -8,7 +8,10 @@ use super::time::Time;
 
 /// A connection from an output to one input or several.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table with the keys of a connection, such as { from = \"PARTICIPANT.OUTPUT\", to = \"PARTICIPANT.INPUT\" }"
+)]
 pub struct ConnectionSpec {
     /// `PARTICIPANT.OUTPUT`, or a field of it.
     pub from: String,

@@ -70,7 +70,11 @@ impl FaultKind {
 /// A fault of an input, an output or a connection, or a substitution of a participant: exactly one of `input`, `output`,
 /// `connection` and `substitute` is given, with the keys that belong to it.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+#[serde(
+    deny_unknown_fields,
+    rename_all = "kebab-case",
+    expecting = "a table with the keys of a fault, such as { at = \"1 s\", output = \"PARTICIPANT.OUTPUT\", kind = \"dropout\" }"
+)]
 pub struct FaultSpec {
     /// Its name; a name made of its number in the list unless given.
     #[serde(skip_serializing_if = "Option::is_none")]

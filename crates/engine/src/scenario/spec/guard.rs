@@ -7,7 +7,11 @@ use super::time::Time;
 
 /// Conditions that an output must never violate.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+#[serde(
+    deny_unknown_fields,
+    rename_all = "kebab-case",
+    expecting = "a table with the keys of a guard, such as { output = \"PARTICIPANT.OUTPUT\", frozen-for = \"1 s\" }"
+)]
 pub struct GuardSpec {
     /// `PARTICIPANT.OUTPUT`
     pub output: String,

@@ -58,7 +58,11 @@ pub enum ThroughKind {
 
 /// A figure that the scenario declares, and its limits.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+#[serde(
+    deny_unknown_fields,
+    rename_all = "kebab-case",
+    expecting = "a table with the keys of a measure, such as { of = \"PARTICIPANT.OUTPUT.FIELD\", compute = \"max\" }"
+)]
 pub struct MeasureSpec {
     /// `PARTICIPANT.OUTPUT.FIELD`
     pub of: String,

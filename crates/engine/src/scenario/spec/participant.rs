@@ -8,7 +8,10 @@ use super::time::Time;
 
 /// A participant: its program, its sample time, and its parameters.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table with the keys of a participant, such as { run = { exe = \"FILE\" }, period = \"1 ms\" }"
+)]
 pub struct ParticipantSpec {
     /// The program. A file may leave it to `--substitute` to name it.
     #[serde(default)]

@@ -7,7 +7,10 @@ use crate::scenario::program::Program;
 
 /// `run = { builtin = "plant" }`, `{ exe = "…", args = […] }`, `{ library = "…", participant = "…" }` or `{ fmu = "…", ports = { … } }`
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a program: { builtin = \"NAME\" }, { exe = \"FILE\", args = […] }, { library = \"FILE.so\" } or { fmu = \"FILE.fmu\" }"
+)]
 pub struct RunSpec {
     /// The name of a participant that the program reading the scenario contains.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use lockstep::time::{Rational, TimeError};
-use serde::de::Error;
+use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A time in a scenario: `"10 ms"`, `"1/300 s"`, `"30 Hz"`, or a [`Rational`].
@@ -101,10 +101,28 @@ impl Serialize for Time {
 
 impl<'de> Deserialize<'de> for Time {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Time, D::Error> {
-        let time = Time::from(String::deserialize(deserializer)?);
-        match time.exact() {
-            Ok(_) => Ok(time),
-            Err(error) => Err(D::Error::custom(error)),
+        struct Text;
+        impl Visitor<'_> for Text {
+            type Value = Time;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a time: a number and a unit in quotes, for example \"10 ms\"")
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Time, E> {
+                let time = Time::from(text);
+                time.exact().map(|_| time).map_err(E::custom)
+            }
+
+            // A number without a unit is the most frequent wrong time, and is refused like any other one.
+            fn visit_i64<E: Error>(self, number: i64) -> Result<Time, E> {
+                self.visit_str(&number.to_string())
+            }
+
+            fn visit_f64<E: Error>(self, number: f64) -> Result<Time, E> {
+                self.visit_str(&number.to_string())
+            }
         }
+        deserializer.deserialize_any(Text)
     }
 }

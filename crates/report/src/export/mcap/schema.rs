@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use lockstep::port::{Content, Descriptor, Element, Field};
 
 use super::proto;
-use crate::export::columns::{descriptor, distinct, is_wide};
+use crate::export::columns::{descriptor, distinct, fields, is_wide};
 use tape::StreamSpec;
 
 /// `FieldDescriptorProto.Type`.

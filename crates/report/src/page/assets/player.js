@@ -70,7 +70,7 @@ class Player {
 
   showButtons() {
     const toggle = (name, get, set, style) => {
-      const button = el("button", { "aria-pressed": get(), onclick: () => { set(!get()); button.setAttribute("aria-pressed", get()); this.request(); } }, style ? el("span", { class: "swatch", style }) : "", name);
+      const button = el("button", { title: name, "aria-pressed": get(), onclick: () => { set(!get()); button.setAttribute("aria-pressed", get()); this.request(); } }, style ? el("span", { class: "swatch", style }) : "", name);
       return button;
     };
     const bodies = this.scenes.flatMap((scene) => scene.spec.bodies);
@@ -207,6 +207,7 @@ class Player {
     }
   }
 
+  /** The buttons below say which run has which colour; a name in every row would leave no room for the scene. */
   readOff() {
     const rows = this.scenes.filter((_, i) => this.visible[i]).flatMap((scene) => scene.spec.distances.map(({ label, from, to }) => {
       const a = scene.pose(from, clock.t), b = scene.pose(to, clock.t), cells = [];
@@ -218,7 +219,7 @@ class Player {
           cells.push(`${(2 * Math.atan2(Math.hypot(r[1], r[2], r[3]), Math.abs(r[0])) * 180 / Math.PI).toFixed(3)}°`);
         }
       }
-      const many = this.scenes.length > 1, name = el("td", {}, many ? el("span", { class: "swatch", style: `background:var(--c${scene.slot})` }) : "", many ? `${scene.run.name}: ${label}` : label);
+      const many = this.scenes.length > 1, name = el("td", {}, many ? el("span", { class: "swatch", style: `background:var(--c${scene.slot})` }) : "", label);
       return el("tr", {}, name, ...cells.map((cell) => el("td", {}, cell)));
     }));
     this.hud.replaceChildren(el("div", { class: "t" }, showTime(clock.t)), el("table", {}, ...rows));

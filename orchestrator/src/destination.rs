@@ -1,0 +1,170 @@
+//! Where commands write the files that the user names: never over a recorded run, and never half.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+
+use crate::refusal::Refusal;
+
+/// The files that every run folder has.
+const MARKS: [&str; 2] = ["plan.toml", "run.json"];
+/// The entries of a run folder that are the record of the run. An export and a report are not among them: they can be made again.
+const RECORD: [&str; 7] = [
+    "plan.toml",
+    "run.json",
+    "summary.json",
+    "log",
+    "tape",
+    "checkpoints",
+    "shadow",
+];
+
+/// Checks that the file or folder `path`, the value of `option`, is no part of a recorded run.
+///
+/// # Errors
+/// The part of the run that it is, or that it lies in.
+pub fn check(option: &str, path: &Path) -> Result<(), Refusal> {
+    let Some(reason) = part_of_run(&resolved(path)) else {
+        return Ok(());
+    };
+    let path = path.display();
+    Err(Refusal::of(anyhow!(
+        "{option} {path}: {reason}, which is never written over; name another place"
+    )))
+}
+
+/// The run folder of `run`, which may also be the `tape` folder in it; a tape without a run folder is its own.
+pub fn folder_of(run: &Path) -> PathBuf {
+    let above = match run.file_name() {
+        Some(_) => run.parent().unwrap_or(run).to_owned(),
+        None => run.join(".."),
+    };
+    let within = run.join("index.json").is_file() && MARKS.iter().any(|name| above.join(name).is_file());
+    if within { above } else { run.to_owned() }
+}
+
+/// Writes the file `path` completely or not at all: a full disk leaves the previous content. A device or a pipe has none, and gets the
+/// bytes as they are.
+///
+/// # Errors
+/// Those of the file system.
+pub fn write(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
+    match std::fs::metadata(path) {
+        Ok(about) if !about.is_file() => std::fs::write(path, content),
+        // A link to a file stays one.
+        Ok(_) => tape::write_whole(&std::fs::canonicalize(path)?, content),
+        Err(_) => tape::write_whole(path, content),
+    }
+}
+
+/// `path` without links, as far as it exists.
+fn resolved(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    for there in path.ancestors() {
+        if let (Ok(real), Ok(rest)) = (std::fs::canonicalize(there), path.strip_prefix(there)) {
+            return real.join(rest);
+        }
+    }
+    path
+}
+
+/// The part of a run that `path` is or lies in. The innermost run folder decides: that of a shadow lies in the folder of its run.
+fn part_of_run(path: &Path) -> Option<String> {
+    if let Some(folder) = path.parent().filter(|folder| is_tape(folder))
+        && let Some(name) = path.file_name().map(|name| name.to_string_lossy())
+        && (name.ends_with(".bin") || ["index.json", "seal.json", "events.jsonl"].contains(&&*name))
+    {
+        return Some(format!("it is a file of the tape in {}", folder.display()));
+    }
+    let is_run = |folder: &&Path| MARKS.iter().all(|name| folder.join(name).is_file());
+    let folder = path.ancestors().skip(1).find(is_run)?;
+    let first = path.strip_prefix(folder).ok()?.components().next()?;
+    let name = first.as_os_str().to_string_lossy();
+    let part = RECORD.contains(&&*name);
+    part.then(|| format!("`{name}` is part of the run in {}", folder.display()))
+}
+
+fn is_tape(folder: &Path) -> bool {
+    ["index.json", "events.jsonl"]
+        .iter()
+        .all(|name| folder.join(name).is_file())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder with the files of a run, of its shadow and of a bare tape.
+    fn runs(name: &str) -> PathBuf {
+        let root = std::env::temp_dir().join(format!("escapement-destinations-{}-{name}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&root);
+        for file in [
+            "run/plan.toml",
+            "run/run.json",
+            "run/tape/index.json",
+            "run/tape/events.jsonl",
+            "run/shadow/a/plan.toml",
+            "run/shadow/a/run.json",
+            "bare/index.json",
+            "bare/events.jsonl",
+        ] {
+            let file = root.join(file);
+            std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+            std::fs::write(file, "recorded").unwrap();
+        }
+        root
+    }
+
+    #[test]
+    fn what_was_recorded_is_refused_and_all_else_is_not() {
+        let root = runs("parts");
+        std::os::unix::fs::symlink(root.join("run/plan.toml"), root.join("link")).unwrap();
+        for part in [
+            "run/plan.toml",
+            "run/summary.json",
+            "run/tape/index.json",
+            "run/tape/new/page.html",
+            "run/tape",
+            "run/checkpoints/1s.checkpoint",
+            "run/shadow/a/run.json",
+            "run/../run/run.json",
+            "bare/index.json",
+            "bare/a.x.bin",
+            "link",
+        ] {
+            let said = check("--out", &root.join(part)).unwrap_err().to_string();
+            assert!(
+                said.starts_with("--out ") && said.contains("never written over"),
+                "{part}: {said}"
+            );
+        }
+        for free in [
+            "run/report.html",
+            "run/export",
+            "run/shadow/a/report.html",
+            "bare/page.html",
+            "new/tape/x",
+        ] {
+            check("--out", &root.join(free)).unwrap_or_else(|error| panic!("{free}: {error}"));
+        }
+        let folders = ["run", "run/tape", "bare"].map(|name| folder_of(&root.join(name)));
+        assert_eq!(folders, ["run", "run", "bare"].map(|name| root.join(name)));
+        std::fs::remove_dir_all(&root).unwrap();
+    }
+
+    #[test]
+    fn a_link_stays_and_a_folder_is_not_replaced() {
+        let root = runs("links");
+        let (page, link) = (root.join("page"), root.join("link"));
+        std::fs::write(&page, "old").unwrap();
+        std::os::unix::fs::symlink(&page, &link).unwrap();
+        write(&link, "new").unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(std::fs::read_to_string(&page).unwrap(), "new");
+        assert!(write(&root.join("run"), "x").is_err());
+        write(Path::new("/dev/null"), "x").unwrap();
+        assert!(!Path::new("/dev/null").is_file());
+        std::fs::remove_dir_all(&root).unwrap();
+    }
+}

@@ -1,0 +1,137 @@
+//! Mistakes in campaigns and lists of cases are rejected where they are, with the line and the remedy.
+
+use escapement_tests::program::{Folder, Said, orchestrate, root, text};
+use escapement_tests::world;
+
+/// Two masses on springs.
+fn springs(folder: &Folder) -> std::path::PathBuf {
+    let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
+    folder.write("m.toml", &scenario.replace("10 s\"", "200 ms\""))
+}
+
+/// Checks that `said` is an error message with all of `parts` and with none of `without`.
+fn refused(said: &Said, parts: &[&str], without: &[&str]) {
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in parts {
+        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+    }
+    for part in without {
+        assert!(!said.err.contains(part), "`{part}` is in: {}", said.err);
+    }
+}
+
+#[test]
+fn an_entry_of_a_list_is_the_same_by_its_number_and_by_its_name() {
+    let folder = Folder::new("by-number");
+    world::springs(&folder);
+    let scenario = folder.path().join("springs.toml");
+    let out = folder.path().join("out");
+    for entry in ["push", "1"] {
+        let set = format!("faults.{entry}.value=3 kg");
+        let said = orchestrate(&["check", text(&scenario), "--set", &set]);
+        refused(
+            &said,
+            &["springs.toml: faults.push.value: ", "`3 kg`", "(given with --set)"],
+            &[],
+        );
+        let drawn = format!(
+            "scenario = \"springs.toml\"\npoints = 3\n\n[vary.push]\nkey = \"faults.{entry}.value\"\n\
+             distribution = \"uniform\"\nfrom = \"1 kg\"\nto = \"2 kg\"\n"
+        );
+        let campaign = folder.write("campaign.toml", &drawn);
+        let said = orchestrate(&["sweep", text(&campaign), "--out", text(&out)]);
+        refused(
+            &said,
+            &["campaign.toml:4: vary.push: ", "faults.push.value", "kg"],
+            &["springs.toml:"],
+        );
+    }
+}
+
+#[test]
+fn a_mistake_of_a_case_is_one_of_the_list() {
+    let folder = Folder::new("case-mistake");
+    let scenario = springs(&folder);
+    let out = folder.path().join("out");
+    let fault =
+        "[{ at = \"0.1 s\", input = \"right.neighbour\", field = \"position\", kind = \"bias\", value = \"1 kg\" }]";
+    for (part, change, names) in [
+        (
+            "set",
+            "set = { \"connections.to-right.dellay\" = \"20 ms\" }",
+            "connections.to-right.dellay",
+        ),
+        ("set", "set = { \"duraton\" = 1 }", "duraton"),
+        ("faults", &format!("faults = {fault}"), "`1 kg`"),
+    ] {
+        let list = folder.write(
+            "cases.toml",
+            &format!("title = \"t\"\n\n[[case]]\nname = \"a\"\n{change}\n"),
+        );
+        let said = orchestrate(&["faults", text(&scenario), "--cases", text(&list), "--out", text(&out)]);
+        let place = format!("cases.toml:5: case `a`: {part}: ");
+        refused(&said, &[&place, names], &["m.toml"]);
+    }
+    // A case without changes is not the cause.
+    let wrong = std::fs::read_to_string(&scenario).unwrap().replace("1 kg", "1 m");
+    let wrong = folder.write("m.toml", &wrong);
+    let list = folder.write("cases.toml", "[[case]]\nname = \"a\"\n");
+    let said = orchestrate(&["faults", text(&wrong), "--cases", text(&list), "--out", text(&out)]);
+    refused(&said, &["m.toml:", "`1 m`"], &["cases.toml"]);
+    assert!(!out.exists(), "nothing is written");
+}
+
+#[test]
+fn an_audit_without_another_shard_is_refused() {
+    let folder = Folder::new("audit-alone");
+    let scenario = springs(&folder);
+    let out = folder.path().join("out");
+    let sweep =
+        |more: &[&str]| orchestrate(&[&["sweep", text(&scenario), "--seeds", "2", "--out", text(&out)], more].concat());
+    let parts = ["--audit: ", "no other shard", "two shards or more"];
+    refused(&sweep(&["--audit", "50%", "--shard", "1/1"]), &parts, &[]);
+    refused(
+        &sweep(&["--audit", "50%", "--on", "shell", "--shards", "1"]),
+        &parts,
+        &[],
+    );
+    assert!(!out.exists(), "nothing is written");
+    assert_eq!(sweep(&["--quiet"]).code, Some(0));
+    refused(
+        &orchestrate(&["sweep", "run", text(&out), "--audit", "50%"]),
+        &parts,
+        &[],
+    );
+}
+
+#[test]
+fn a_design_that_needs_all_of_its_points_has_no_early_end() {
+    let folder = Folder::new("early-end");
+    let scenario = springs(&folder);
+    let out = folder.path().join("out");
+    let until = ["--until", "met within 20 %", "--quiet", "--out", text(&out)];
+    let drawn = |head: &str, more: &str| {
+        let campaign = format!(
+            "scenario = \"m.toml\"\npoints = 8\n{head}\n[vary.k]\nkey = \"participants.left.parameters.stiffness\"\n\
+             distribution = \"uniform\"\nfrom = \"30 N/m\"\nto = \"50 N/m\"\n{more}\n"
+        );
+        let campaign = folder.write("campaign.toml", &campaign);
+        orchestrate(&[&["sweep", text(&campaign)], &until[..]].concat())
+    };
+    for design in ["latin-hypercube", "saltelli"] {
+        let said = drawn(&format!("design = \"{design}\""), "");
+        refused(&said, &["--until: ", "campaign.toml", design, "leave --until out"], &[]);
+    }
+    // One dispersion with such a design is enough.
+    let said = drawn("", "levels = 3\ndesign = \"grid\"");
+    refused(&said, &["--until: ", "grid", "random or sobol"], &[]);
+    let grid = ["--vary", "connections.to-right.delay=0ms,10ms", "--seeds", "4"];
+    let said = orchestrate(&[&["sweep", text(&scenario)], &grid[..], &until[..]].concat());
+    refused(
+        &said,
+        &["--until: ", "connections.to-right.delay", "the seed alone"],
+        &[],
+    );
+    assert!(!out.exists(), "nothing is written");
+    assert_eq!(drawn("design = \"sobol\"", "").code, Some(0));
+}
