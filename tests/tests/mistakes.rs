@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use escapement_tests::program::{Folder, Said, orchestrate, orchestrator, root, text};
-use escapement_tests::world;
 
 /// Two masses on springs.
 fn springs(folder: &Folder) -> std::path::PathBuf {
