@@ -44,6 +44,14 @@ static escapement_status step(const escapement_host *host, void *own, const esca
             exit(0);
         if (strcmp(MISUSE, "fails") == 0)
             return escapement_fail(host, "the count is %d; at most %d are allowed", (int)count->count, 5);
+        if (strcmp(MISUSE, "fails-at-length") == 0) {
+            char reason[1000];
+            memset(reason, 'a', 999);
+            reason[999] = 0;
+            return escapement_fail(host, "%s\xc3\xa9 and more", reason);
+        }
+        if (strcmp(MISUSE, "fails-in-latin-1") == 0)
+            return host->fail(host, "the angle is 100\xb0, too large");
         if (strcmp(MISUSE, "late-parameter") == 0)
             escapement_number(host, "late", NULL, &count->value);
     }

@@ -129,6 +129,12 @@ fn what_a_step_does_wrong_is_the_participants_failure() {
             &["counter", "`step` wrote before the start of output `count`"],
         ),
         ("fails", &["counter", "the count is 6; at most 5 are allowed", "0.05"]),
+        // Cut in front of a character of two bytes of which only one fits.
+        ("fails-at-length", &["counter", "aaaaaaaa", "0.05"]),
+        (
+            "fails-in-latin-1",
+            &["counter", "the angle is 100\u{fffd}, too large", "0.05"],
+        ),
         ("late-parameter", &["counter", "in `describe` only"]),
         ("exit", &["counter", "`step` called exit()"]),
     ] {

@@ -124,7 +124,8 @@ struct escapement_host {
     const char *(*parameters)(const escapement_host *host);
     /* In `describe`: rejects a parameter, with the reason and the remedy. Returns ESCAPEMENT_FAILED. */
     escapement_status (*refuse)(const escapement_host *host, const char *key, const char *reason);
-    /* Reports why the current call fails: quantity, value, remedy. Returns ESCAPEMENT_FAILED. */
+    /* Reports why the current call fails: quantity, value, remedy. Returns ESCAPEMENT_FAILED. Here, in `refuse` and in `log`, U+FFFD takes the
+     * place of bytes of the text that are not UTF-8. */
     escapement_status (*fail)(const escapement_host *host, const char *reason);
     /* In `initialise`, `step` and `terminate`: writes a line with the simulated time to the participant's log. In C, escapement_log formats
      * the line as printf does. */
@@ -327,6 +328,27 @@ static inline int escapement_put_text(char *to, size_t room, const char *text) {
     return 1;
 }
 
+/* Formats a text into 1001 bytes. One that is longer is cut in front of the character that does not fit: UTF-8 stays UTF-8. */
+#if defined(__GNUC__)
+__attribute__((format(printf, 2, 0)))
+#endif
+static inline void
+escapement_format_(char text[1001], const char *format, va_list arguments) {
+    size_t start = 1000, bytes;
+    unsigned char lead;
+    text[0] = 0;
+    if (vsnprintf(text, 1001, format, arguments) <= 1000) {
+        return;
+    }
+    do {
+        lead = (unsigned char)text[--start];
+    } while ((lead & 0xc0u) == 0x80u && start > 996);
+    bytes = lead >= 0xf0u ? 4 : lead >= 0xe0u ? 3 : lead >= 0xc0u ? 2 : 1;
+    if (start + bytes > 1000) {
+        text[start] = 0;
+    }
+}
+
 /* Reports a failure with a message formatted as by printf, up to 1000 bytes: return escapement_fail(host, "the angle is %g rad; …", angle); */
 #if defined(__GNUC__)
 __attribute__((format(printf, 2, 3)))
@@ -336,7 +358,7 @@ escapement_fail(const escapement_host *host, const char *format, ...) {
     char text[1001];
     va_list arguments;
     va_start(arguments, format);
-    (void)vsnprintf(text, sizeof text, format, arguments);
+    escapement_format_(text, format, arguments);
     va_end(arguments);
     return host->fail(host, text);
 }
@@ -350,7 +372,7 @@ escapement_log(const escapement_host *host, const char *format, ...) {
     char text[1001];
     va_list arguments;
     va_start(arguments, format);
-    (void)vsnprintf(text, sizeof text, format, arguments);
+    escapement_format_(text, format, arguments);
     va_end(arguments);
     host->log(host, text);
 }

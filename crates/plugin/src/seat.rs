@@ -358,8 +358,11 @@ unsafe extern "C" fn whole(host: *const Host) -> *const c_char {
 unsafe extern "C" fn refuse(host: *const Host, name: *const c_char, reason: *const c_char) -> Status {
     let work = |said: &Said| {
         // SAFETY: texts satisfy the ABI.
-        let (key, reason) = unsafe { (word(name).unwrap_or_default(), word(reason)) };
-        said.refuse(ParameterError::new(key, reason.unwrap_or("refused without a reason")))
+        let (key, reason) = unsafe { (word(name).unwrap_or_default(), table::words(reason)) };
+        said.refuse(ParameterError::new(
+            key,
+            reason.unwrap_or("refused without a reason".into()),
+        ))
     };
     // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) }
@@ -367,14 +370,18 @@ unsafe extern "C" fn refuse(host: *const Host, name: *const c_char, reason: *con
 
 unsafe extern "C" fn fail(host: *const Host, reason: *const c_char) -> Status {
     // SAFETY: texts satisfy the ABI; foreign code passes the host that it was given.
-    unsafe { with(host, |said| said.fail(word(reason).unwrap_or("without a reason"))) }
+    unsafe {
+        with(host, |said| {
+            said.fail(&table::words(reason).unwrap_or("without a reason".into()))
+        })
+    }
 }
 
 unsafe extern "C" fn log(host: *const Host, text: *const c_char) {
     let work = |said: &Said| {
         // SAFETY: texts satisfy the ABI.
-        let text = unsafe { word(text) }.unwrap_or("(not UTF-8)");
-        said.say(text);
+        let text = unsafe { table::words(text) }.unwrap_or("(NULL in the place of a text)".into());
+        said.say(&text);
         OK
     };
     // SAFETY: foreign code passes the host that it was given.
