@@ -59,7 +59,16 @@ static escapement_status step(const escapement_host *host, void *own, const esca
 }
 
 static escapement_status save(const escapement_host *host, void *own) {
+    if (strcmp(MISUSE, "save-fails") == 0)
+        return escapement_fail(host, "the file of the state is locked");
     return host->state(host, own, sizeof(Count));
+}
+
+static escapement_status restore(const escapement_host *host, void *own, const void *bytes, uint64_t size) {
+    if (size != sizeof(Count))
+        return escapement_fail(host, "a state has %d bytes", (int)sizeof(Count));
+    memcpy(own, bytes, size);
+    return ESCAPEMENT_OK;
 }
 
 static escapement_participant table = {
@@ -76,6 +85,10 @@ const escapement_participant *escapement_plugin(uint32_t index) {
         table.step = NULL;
     if (strcmp(MISUSE, "half") == 0)
         table.save = save;
+    if (strncmp(MISUSE, "save-", 5) == 0) {
+        table.save = save;
+        table.restore = restore;
+    }
     if (strcmp(MISUSE, "no-name") == 0)
         table.name = NULL;
     if (strcmp(MISUSE, "state-size") == 0)

@@ -143,6 +143,28 @@ fn what_a_step_does_wrong_is_the_participants_failure() {
 }
 
 #[test]
+fn failed_save_is_reported_in_its_own_words() {
+    let folder = Folder::new("save-fails");
+    let define = "-DMISUSE=\"save-fails\"";
+    let program = workshop().program("tests/plugins/misuse.c", "program-save-fails", &[define]);
+    let library = format!("{{ library = {:?} }}", text(&misuse("save-fails")));
+    let exe = format!("{{ exe = {:?} }}", text(&program));
+    for (run, how) in [(&library, &[][..]), (&library, &["--in-process"]), (&exe, &[])] {
+        let file = scenario(&folder, run);
+        let said = self::run(&folder, &file, &[how, &["--checkpoint-at", "0.5 s"]].concat());
+        assert_eq!(said.code, Some(1), "{said:?}");
+        for word in [
+            "`counter`",
+            "cannot save its state",
+            "its `save` failed: the file of the state is locked",
+        ] {
+            assert!(said.err.contains(word), "no `{word}` in {said:?}");
+        }
+        assert!(!said.err.contains("implement"), "{said:?}");
+    }
+}
+
+#[test]
 fn program_with_an_unusable_table_is_refused_by_its_name() {
     let folder = Folder::new("misuse-program");
     for (wrong, word) in [("version", "ABI version 7"), ("null-step", "`step` is NULL")] {

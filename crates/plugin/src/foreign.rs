@@ -254,14 +254,19 @@ impl Participant for Foreign {
         };
         let said = self.said();
         *said.state.borrow_mut() = None;
+        *said.unsaved.borrow_mut() = None;
         // SAFETY: the arguments satisfy the ABI.
         let saved = self.call("save", said.now.get(), |host, own| unsafe { save(host, own) });
         if let Err(failure) = saved {
-            // The caller only learns that there is no state.
             said.say(&failure.to_string());
+            *said.unsaved.borrow_mut() = Some(failure.to_string());
             return None;
         }
         said.state.take()
+    }
+
+    fn save_failure(&self) -> Option<String> {
+        self.said().unsaved.borrow().clone()
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {

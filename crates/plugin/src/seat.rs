@@ -42,6 +42,8 @@ pub(crate) struct Said {
     pub(crate) failure: RefCell<Option<String>>,
     /// The state that `save` returned.
     pub(crate) state: RefCell<Option<Vec<u8>>>,
+    /// Why the last `save` failed.
+    pub(crate) unsaved: RefCell<Option<String>>,
     /// The instant of the current call, s.
     pub(crate) now: Cell<Option<f64>>,
     /// For each output, whether the sample being written is seen, and whether any is, as bits.
@@ -101,6 +103,7 @@ impl Seat {
                 refusal: RefCell::default(),
                 failure: RefCell::default(),
                 state: RefCell::default(),
+                unsaved: RefCell::default(),
                 now: Cell::new(None),
                 seen: RefCell::default(),
                 log: RefCell::default(),

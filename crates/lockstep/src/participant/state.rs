@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::Failure;
+use super::{Failure, Participant};
 use crate::wire;
 
 /// The bytes of `state`, for [`super::Participant::save`]. Every `f64` keeps its bits, and a message is a state too.
@@ -29,6 +29,17 @@ use crate::wire;
 /// `None` when `state` takes more than 64 MiB or serde rejects it.
 pub fn to_bytes<T: Serialize>(state: &T) -> Option<Vec<u8>> {
     wire::encode("the state", state).ok()
+}
+
+/// The state of `participant`, for a checkpoint or for another participant; `None` when it cannot be saved at all.
+///
+/// # Errors
+/// Why its `save` failed, in its own words.
+pub fn of(participant: &dyn Participant) -> Result<Option<Vec<u8>>, String> {
+    match (participant.save(), participant.save_failure()) {
+        (None, Some(reason)) => Err(format!("its `save` failed: {reason}")),
+        (state, _) => Ok(state),
+    }
 }
 
 /// The state that [`to_bytes`] serialised, for [`super::Participant::restore`].

@@ -10,7 +10,7 @@ use super::monitor::Monitor;
 use super::participants::{ParticipantHandle, ask_all, foreign_writer_reason};
 use super::placement::Placement;
 use crate::run::outcome::RunFailure;
-use crate::run::saved::checkpoint::cannot_save;
+use crate::run::saved::checkpoint::{cannot_save, save_failed};
 use crate::scenario::{Entry, Scenario};
 use crate::text::quoted;
 
@@ -218,7 +218,7 @@ pub(crate) fn save(handle: &mut ParticipantHandle, monitor: &Monitor) -> Result<
     match handle.ask(&Request::Save, monitor)? {
         Reply::State(Some(state)) => Ok(state),
         Reply::State(None) => Err(handle.odd(cannot_save(handle.process.is_fmu()))),
-        Reply::Refused { reason, .. } => Err(handle.odd(format!("cannot save its state: {reason}"))),
+        Reply::Refused { reason, .. } => Err(handle.odd(save_failed(&reason))),
         other => Err(handle.odd(format!("answered the request for its state with {other:?}"))),
     }
 }
