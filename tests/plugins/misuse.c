@@ -61,6 +61,8 @@ static escapement_status step(const escapement_host *host, void *own, const esca
 static escapement_status save(const escapement_host *host, void *own) {
     if (strcmp(MISUSE, "save-fails") == 0)
         return escapement_fail(host, "the file of the state is locked");
+    if (strcmp(MISUSE, "save-much") == 0)
+        return host->state(host, own, (uint64_t)65 << 20);
     return host->state(host, own, sizeof(Count));
 }
 

@@ -144,20 +144,30 @@ fn what_a_step_does_wrong_is_the_participants_failure() {
 
 #[test]
 fn failed_save_is_reported_in_its_own_words() {
-    let folder = Folder::new("save-fails");
-    let define = "-DMISUSE=\"save-fails\"";
-    let program = workshop().program("tests/plugins/misuse.c", "program-save-fails", &[define]);
-    let library = format!("{{ library = {:?} }}", text(&misuse("save-fails")));
+    unsaved("save-fails", &["its `save` failed: the file of the state is locked"]);
+}
+
+/// The size is refused before anything is read: there are not so many bytes.
+#[test]
+fn state_that_is_too_large_is_refused_with_its_size() {
+    unsaved(
+        "save-much",
+        &["its state has 68157440 bytes", "63 MiB", "or run without"],
+    );
+}
+
+/// Saves the participant with the mistake `misuse` as a library in a process, in this one, and as a program.
+fn unsaved(misuse: &str, words: &[&str]) {
+    let folder = Folder::new("unsaved");
+    let define = format!("-DMISUSE=\"{misuse}\"");
+    let program = workshop().program("tests/plugins/misuse.c", &format!("program-{misuse}"), &[&define]);
+    let library = format!("{{ library = {:?} }}", text(&self::misuse(misuse)));
     let exe = format!("{{ exe = {:?} }}", text(&program));
     for (run, how) in [(&library, &[][..]), (&library, &["--in-process"]), (&exe, &[])] {
         let file = scenario(&folder, run);
         let said = self::run(&folder, &file, &[how, &["--checkpoint-at", "0.5 s"]].concat());
         assert_eq!(said.code, Some(1), "{said:?}");
-        for word in [
-            "`counter`",
-            "cannot save its state",
-            "its `save` failed: the file of the state is locked",
-        ] {
+        for word in [&["`counter`", "cannot save its state"], words].concat() {
             assert!(said.err.contains(word), "no `{word}` in {said:?}");
         }
         assert!(!said.err.contains("implement"), "{said:?}");

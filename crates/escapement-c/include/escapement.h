@@ -130,7 +130,7 @@ struct escapement_host {
     /* In `initialise`, `step` and `terminate`: writes a line with the simulated time to the participant's log. In C, escapement_log formats
      * the line as printf does. */
     void (*log)(const escapement_host *host, const char *text);
-    /* In `save`: passes the state to the host. */
+    /* In `save`: passes the state to the host, at most 63 MiB. */
     escapement_status (*state)(const escapement_host *host, const void *bytes, uint64_t size);
     /* Sample number `index` of the random stream `stream`, derived from the run's seed: uniform in [0, 1), or standard normal. The same on
      * every machine. A participant may use no other random numbers. */

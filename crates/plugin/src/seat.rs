@@ -5,7 +5,7 @@ use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use exit_guard::Guard;
-use lockstep::participant::{Input, Interface, Kind, Log, Output, ParameterError, Setup};
+use lockstep::participant::{Input, Interface, Kind, Log, Output, ParameterError, Setup, state::too_large};
 use lockstep::port::Descriptor;
 use lockstep::random::Stream;
 
@@ -416,6 +416,10 @@ unsafe extern "C" fn termination(host: *const Host) -> u32 {
 
 unsafe extern "C" fn state(host: *const Host, bytes: *const c_void, size: u64) -> Status {
     let work = |said: &Said| {
+        if let Some(reason) = too_large(size) {
+            // Also so that a wrong size does not make the host read what is not there.
+            return said.fail(&reason);
+        }
         let bytes = match (bytes.is_null(), usize::try_from(size)) {
             (true, Ok(0)) => Vec::new(),
             // SAFETY: there are as many bytes as foreign code states.

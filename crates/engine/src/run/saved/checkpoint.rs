@@ -92,7 +92,7 @@ pub enum CheckpointError {
         reason: String,
     },
     /// The states are too large.
-    #[error("the checkpoint at t = {time}: {source}")]
+    #[error("the checkpoint at t = {time}: {source}: keep the states of the participants smaller, or run without")]
     TooLarge {
         /// Its instant.
         time: Rational,
