@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use escapement_tests::compiler::{Workshop, must};
-use escapement_tests::program::{Folder, Said, orchestrate, text};
+use escapement_tests::program::{Folder, Said, orchestrate, root, text};
 
 fn workshop() -> &'static Workshop {
     static SHOP: OnceLock<Workshop> = OnceLock::new();
@@ -240,6 +240,50 @@ fn exceptions_become_the_failure_in_their_own_words() {
             for word in words {
                 assert!(said.err.contains(word), "{parameters}: no `{word}` in {}", said.err);
             }
+        }
+    }
+}
+
+/// A member that would never be called, or would save nothing, does not compile.
+#[test]
+fn optional_members_with_another_signature_do_not_compile() {
+    let include = workshop().path("prefix/include");
+    for (member, remedy) in [
+        ("void state(escapement::State &state) { state(mass); }", None),
+        ("void initialise(double) { *motion = mass; }", None),
+        ("void terminate(escapement::Termination) {}", None),
+        // Data of the same name is no function that is never called.
+        ("Motion state{};", None),
+        (
+            "void state(escapement::State state) { state(mass); }",
+            Some("void state(escapement::State &state)"),
+        ),
+        ("void state() {}", Some("void state(escapement::State &state)")),
+        ("void initialise() {}", Some("void initialise(double t)")),
+        (
+            "void terminate() {}",
+            Some("void terminate(escapement::Termination why)"),
+        ),
+    ] {
+        let compiler = std::process::Command::new("c++")
+            .args([
+                "-std=c++17",
+                "-Wall",
+                "-Wextra",
+                "-Werror",
+                "-pedantic",
+                "-fsyntax-only",
+                "-I",
+            ])
+            .arg(&include)
+            .arg(format!("-DMEMBER={member}"))
+            .arg(root().join("tests/plugins/optional.cpp"))
+            .output()
+            .expect("there is a compiler");
+        let words = String::from_utf8_lossy(&compiler.stderr);
+        assert_eq!(compiler.status.success(), remedy.is_none(), "{member}: {words}");
+        if let Some(remedy) = remedy {
+            assert!(words.contains(remedy), "{member}: no `{remedy}` in {words}");
         }
     }
 }
