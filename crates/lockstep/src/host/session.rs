@@ -80,7 +80,7 @@ pub(super) struct Session {
 
 impl Session {
     pub(super) fn open(address: Address, seat: Seat) -> Result<Session, HostError> {
-        let domain = Domain::enter(address, &seat.name)?;
+        let domain = Domain::join(address, &seat.name)?;
         let status = StatusWriter::open(&domain, &seat.name)?;
         let sleeper = Sleeper::open(&domain, &seat.name)?;
         // The server comes last: the orchestrator sends requests as soon as it is present.
