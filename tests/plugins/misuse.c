@@ -20,6 +20,11 @@ static escapement_status describe(const escapement_host *host, void **own) {
         static const escapement_message odd = {"Odd", Count_fields, 1, sizeof(Count)};
         host->output(host, "odd", &odd);
     }
+    if (strcmp(MISUSE, "steering-field") == 0) {
+        static const escapement_field field = {"width\n", "1", "", ESCAPEMENT_F64, 0, 0, {0}};
+        static const escapement_message odd = {"Odd", &field, 1, 8};
+        host->output(host, "odd", &odd);
+    }
     if (strcmp(MISUSE, "own-past-end") == 0)
         memset(*own, 0, sizeof(Count) + 1);
     if (strcmp(MISUSE, "no-reason") == 0)

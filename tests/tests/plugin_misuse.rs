@@ -95,6 +95,10 @@ fn unusable_tables_are_refused_before_anything_runs() {
         ("port-twice", &["`count` is declared twice", "counter"]),
         ("padding", &["do not fill the payload", "counter"]),
         (
+            "steering-field",
+            &["port `odd`", r"field `width\u{a}`", "control character", "counter"],
+        ),
+        (
             "own-past-end",
             &["`describe` wrote past the end of its own memory", "16 bytes", "counter"],
         ),
