@@ -45,6 +45,10 @@ static escapement_status step(const escapement_host *host, void *own, const esca
             memset(output + 1, 0, 1);
         if (strcmp(MISUSE, "before-start") == 0)
             memset((char *)output - 8, 0, 8);
+        while (strcmp(MISUSE, "hangs") == 0) {
+            escapement_log(host, "hangs");
+            pause();
+        }
         if (strcmp(MISUSE, "exit") == 0)
             exit(0);
         if (strcmp(MISUSE, "fails") == 0)

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use escapement_tests::compiler::{Workshop, must};
-use escapement_tests::program::{Folder, Said, orchestrate, root, text};
+use escapement_tests::machine::{signal, wait_for_bytes};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, root, start, text};
 
 fn workshop() -> &'static Workshop {
     static SHOP: OnceLock<Workshop> = OnceLock::new();
@@ -144,6 +145,24 @@ fn what_a_step_does_wrong_is_the_participants_failure() {
     ] {
         refused(&misuse(wrong), 1, words);
     }
+}
+
+#[test]
+fn signal_during_a_step_in_one_process_is_answered_in_words_and_the_next_one_ends_it() {
+    let folder = Folder::new("hangs");
+    let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&misuse("hangs"))));
+    let out = folder.path().join("run");
+    let mut child = start(&["run", text(&file), "--quiet", "--in-process", "--out", text(&out)]);
+    wait_for_bytes(&mut child, &out.join("log/counter.stderr"), 5);
+    assert!(signal(child.id(), rustix::process::Signal::TERM));
+    // The words come after one second.
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    assert!(child.try_wait().is_ok_and(|ended| ended.is_none()));
+    assert!(signal(child.id(), rustix::process::Signal::INT));
+    let said = finish(child);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    let words = "waiting for a participant in its step; again to end at once";
+    assert!(said.err.contains(words), "{said:?}");
 }
 
 #[test]
