@@ -13,6 +13,7 @@ static escapement_status describe(const escapement_host *host, void **own) {
     (void)own;
     if (strcmp(MISUSE, "no-kind") != 0)
         host->kind(host, ESCAPEMENT_SAMPLED);
+    ESCAPEMENT_OPTIONAL_INPUT(host, "other", Count);
     ESCAPEMENT_OUTPUT(host, "count", Count);
     if (strcmp(MISUSE, "port-twice") == 0)
         ESCAPEMENT_OUTPUT(host, "count", Count);
@@ -34,8 +35,7 @@ static escapement_status describe(const escapement_host *host, void **own) {
 
 static escapement_status step(const escapement_host *host, void *own, const escapement_step *step, const void *const *inputs,
                               void *const *outputs) {
-    Count *count = own, *output = outputs[0];
-    (void)inputs;
+    Count *count = own, *output = outputs[0], *input = (Count *)(uintptr_t)inputs[0];
     count->count += 1;
     *output = *count;
     if (strcmp(MISUSE, "unseen") == 0 && (escapement_is_seen(host, 0) || escapement_is_ever_seen(host, 0)))
@@ -43,6 +43,10 @@ static escapement_status step(const escapement_host *host, void *own, const esca
     if (step->index == 5) {
         if (strcmp(MISUSE, "past-end") == 0)
             memset(output + 1, 0, 1);
+        if (strcmp(MISUSE, "to-input") == 0)
+            input->count = 1;
+        if (strcmp(MISUSE, "past-input") == 0)
+            memset(input + 1, 0, 1);
         if (strcmp(MISUSE, "before-start") == 0)
             memset((char *)output - 8, 0, 8);
         while (strcmp(MISUSE, "hangs") == 0) {

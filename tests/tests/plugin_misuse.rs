@@ -133,6 +133,14 @@ fn what_a_step_does_wrong_is_the_participants_failure() {
             "before-start",
             &["counter", "`step` wrote before the start of output `count`"],
         ),
+        (
+            "to-input",
+            &["counter", "`step` wrote to input `other`, which is const", "0.05"],
+        ),
+        (
+            "past-input",
+            &["counter", "`step` wrote past the end of input `other`", "16 bytes"],
+        ),
         ("fails", &["counter", "the count is 6; at most 5 are allowed", "0.05"]),
         // Cut in front of a character of two bytes of which only one fits.
         ("fails-at-length", &["counter", "aaaaaaaa", "0.05"]),

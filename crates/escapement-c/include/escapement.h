@@ -188,7 +188,8 @@ typedef struct escapement_participant {
     /* Called once, before the first step. A continuous participant writes its outputs at `t` (s). */
     escapement_status (*initialise)(const escapement_host *host, void *own, double t, void *const *outputs);
     /* Required. One activation. Inputs and outputs are in the order in which `describe` added them. Each is a struct of its message type, owned
-     * by the host and valid during the call. An output that is not written keeps its last value. */
+     * by the host and valid during the call. Inputs are const: a step that writes to one fails. An output that is not written keeps its last
+     * value. */
     escapement_status (*step)(const escapement_host *host, void *own, const escapement_step *step, const void *const *inputs,
                               void *const *outputs);
     /* Passes the whole state to host->state. After `restore`, possibly in another process, the participant must continue bit-identically. Define
