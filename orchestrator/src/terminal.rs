@@ -121,6 +121,7 @@ impl Observer for Terminal {
                 }
             }
             Event::Time { t_s } => {
+                crate::signals::run_goes_on();
                 let Some(from_s) = self.from_s else {
                     self.started = Instant::now();
                     self.from_s = Some(t_s);
@@ -143,7 +144,10 @@ impl Observer for Terminal {
                 self.asks = true;
                 self.from_s = None;
             }
-            Event::Over => self.line.clear(),
+            Event::Over => {
+                crate::signals::run_goes_on();
+                self.line.clear();
+            }
             _ => {}
         }
     }

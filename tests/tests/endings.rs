@@ -83,6 +83,19 @@ fn an_abort_is_named_with_its_signal_and_time() {
 }
 
 #[test]
+fn a_run_that_fails_has_no_verdict() {
+    let measure = "measures.peak={ of = \"plant.motion.position\", compute = \"max-abs\", at-most = \"1 km\" }";
+    let (folder, said) = ended("crash_at", &["--set", measure]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.out.contains("no verdict: the run did not complete"), "{said:?}");
+    assert!(said.out.contains("ok   peak"), "{said:?}");
+    assert!(!said.out.lines().any(|line| line == "met"), "{said:?}");
+    let summary = std::fs::read_to_string(folder.path().join("run/summary.json")).expect("a run has a summary");
+    let summary: serde_json::Value = serde_json::from_str(&summary).expect("it is JSON");
+    assert!(summary.get("verdict").is_none(), "{summary}");
+}
+
+#[test]
 fn an_early_end_is_not_taken_for_success() {
     let (folder, said) = ended("exit_at", &[]);
     assert_eq!(said.code, Some(1), "{said:?}");

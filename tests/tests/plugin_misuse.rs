@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use escapement_tests::compiler::{Workshop, must};
-use escapement_tests::program::{Folder, Said, orchestrate, text};
+use escapement_tests::machine::{signal, wait_for_bytes};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, root, start, text};
 
 fn workshop() -> &'static Workshop {
     static SHOP: OnceLock<Workshop> = OnceLock::new();
@@ -95,6 +96,10 @@ fn unusable_tables_are_refused_before_anything_runs() {
         ("port-twice", &["`count` is declared twice", "counter"]),
         ("padding", &["do not fill the payload", "counter"]),
         (
+            "steering-field",
+            &["port `odd`", r"field `width\u{a}`", "control character", "counter"],
+        ),
+        (
             "own-past-end",
             &["`describe` wrote past the end of its own memory", "16 bytes", "counter"],
         ),
@@ -128,11 +133,75 @@ fn what_a_step_does_wrong_is_the_participants_failure() {
             "before-start",
             &["counter", "`step` wrote before the start of output `count`"],
         ),
+        (
+            "to-input",
+            &["counter", "`step` wrote to input `other`, which is const", "0.05"],
+        ),
+        (
+            "past-input",
+            &["counter", "`step` wrote past the end of input `other`", "16 bytes"],
+        ),
         ("fails", &["counter", "the count is 6; at most 5 are allowed", "0.05"]),
+        // Cut in front of a character of two bytes of which only one fits.
+        ("fails-at-length", &["counter", "aaaaaaaa", "0.05"]),
+        (
+            "fails-in-latin-1",
+            &["counter", "the angle is 100\u{fffd}, too large", "0.05"],
+        ),
         ("late-parameter", &["counter", "in `describe` only"]),
         ("exit", &["counter", "`step` called exit()"]),
     ] {
         refused(&misuse(wrong), 1, words);
+    }
+}
+
+#[test]
+fn signal_during_a_step_in_one_process_is_answered_in_words_and_the_next_one_ends_it() {
+    let folder = Folder::new("hangs");
+    let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&misuse("hangs"))));
+    let out = folder.path().join("run");
+    let mut child = start(&["run", text(&file), "--quiet", "--in-process", "--out", text(&out)]);
+    wait_for_bytes(&mut child, &out.join("log/counter.stderr"), 5);
+    assert!(signal(child.id(), rustix::process::Signal::TERM));
+    // The words come after one second.
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    assert!(child.try_wait().is_ok_and(|ended| ended.is_none()));
+    assert!(signal(child.id(), rustix::process::Signal::INT));
+    let said = finish(child);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    let words = "waiting for a participant in its step; again to end at once";
+    assert!(said.err.contains(words), "{said:?}");
+}
+
+#[test]
+fn failed_save_is_reported_in_its_own_words() {
+    unsaved("save-fails", &["its `save` failed: the file of the state is locked"]);
+}
+
+/// The size is refused before anything is read: there are not so many bytes.
+#[test]
+fn state_that_is_too_large_is_refused_with_its_size() {
+    unsaved(
+        "save-much",
+        &["its state has 68157440 bytes", "63 MiB", "or run without"],
+    );
+}
+
+/// Saves the participant with the mistake `misuse` as a library in a process, in this one, and as a program.
+fn unsaved(misuse: &str, words: &[&str]) {
+    let folder = Folder::new("unsaved");
+    let define = format!("-DMISUSE=\"{misuse}\"");
+    let program = workshop().program("tests/plugins/misuse.c", &format!("program-{misuse}"), &[&define]);
+    let library = format!("{{ library = {:?} }}", text(&self::misuse(misuse)));
+    let exe = format!("{{ exe = {:?} }}", text(&program));
+    for (run, how) in [(&library, &[][..]), (&library, &["--in-process"]), (&exe, &[])] {
+        let file = scenario(&folder, run);
+        let said = self::run(&folder, &file, &[how, &["--checkpoint-at", "0.5 s"]].concat());
+        assert_eq!(said.code, Some(1), "{said:?}");
+        for word in [&["`counter`", "cannot save its state"], words].concat() {
+            assert!(said.err.contains(word), "no `{word}` in {said:?}");
+        }
+        assert!(!said.err.contains("implement"), "{said:?}");
     }
 }
 
@@ -202,6 +271,50 @@ fn exceptions_become_the_failure_in_their_own_words() {
             for word in words {
                 assert!(said.err.contains(word), "{parameters}: no `{word}` in {}", said.err);
             }
+        }
+    }
+}
+
+/// A member that would never be called, or would save nothing, does not compile.
+#[test]
+fn optional_members_with_another_signature_do_not_compile() {
+    let include = workshop().path("prefix/include");
+    for (member, remedy) in [
+        ("void state(escapement::State &state) { state(mass); }", None),
+        ("void initialise(double) { *motion = mass; }", None),
+        ("void terminate(escapement::Termination) {}", None),
+        // Data of the same name is no function that is never called.
+        ("Motion state{};", None),
+        (
+            "void state(escapement::State state) { state(mass); }",
+            Some("void state(escapement::State &state)"),
+        ),
+        ("void state() {}", Some("void state(escapement::State &state)")),
+        ("void initialise() {}", Some("void initialise(double t)")),
+        (
+            "void terminate() {}",
+            Some("void terminate(escapement::Termination why)"),
+        ),
+    ] {
+        let compiler = std::process::Command::new("c++")
+            .args([
+                "-std=c++17",
+                "-Wall",
+                "-Wextra",
+                "-Werror",
+                "-pedantic",
+                "-fsyntax-only",
+                "-I",
+            ])
+            .arg(&include)
+            .arg(format!("-DMEMBER={member}"))
+            .arg(root().join("tests/plugins/optional.cpp"))
+            .output()
+            .expect("there is a compiler");
+        let words = String::from_utf8_lossy(&compiler.stderr);
+        assert_eq!(compiler.status.success(), remedy.is_none(), "{member}: {words}");
+        if let Some(remedy) = remedy {
+            assert!(words.contains(remedy), "{member}: no `{remedy}` in {words}");
         }
     }
 }

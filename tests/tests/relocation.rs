@@ -161,7 +161,7 @@ fn who_dies_when_asked_to_move_is_replaced_where_it_was() {
     assert_eq!(world.count("run", 999), 900);
     let events = world.events("run");
     assert!(
-        events.contains("activation 100 from its initial state: the one before was ended"),
+        events.contains("activation 100 from its initial state, because of a failure: was ended"),
         "{events}"
     );
     assert_eq!(events.matches("\"substitution\"").count(), 2, "{events}");

@@ -1,20 +1,11 @@
 //! Text from other programs in messages.
 
+use lockstep::name::shown;
+
 /// Text from another program as a part of a message: control characters and text-direction marks are replaced by their code points,
 /// and each line after the first begins with a bar, so that it cannot be mistaken for a line of this program.
 pub fn quoted(text: &str) -> String {
-    let steers = |c: char| {
-        let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-        (c.is_control() && c != '\t') || turns
-    };
-    let plain = |line: &str| -> String {
-        let shown = line.chars().map(|c| match steers(c) {
-            true => c.escape_unicode().to_string(),
-            false => c.to_string(),
-        });
-        shown.collect()
-    };
-    let lines: Vec<String> = text.trim_end().lines().map(plain).collect();
+    let lines: Vec<String> = text.trim_end().lines().map(shown).collect();
     lines.join("\n  | ")
 }
 

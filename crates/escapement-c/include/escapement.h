@@ -124,12 +124,13 @@ struct escapement_host {
     const char *(*parameters)(const escapement_host *host);
     /* In `describe`: rejects a parameter, with the reason and the remedy. Returns ESCAPEMENT_FAILED. */
     escapement_status (*refuse)(const escapement_host *host, const char *key, const char *reason);
-    /* Reports why the current call fails: quantity, value, remedy. Returns ESCAPEMENT_FAILED. */
+    /* Reports why the current call fails: quantity, value, remedy. Returns ESCAPEMENT_FAILED. Here, in `refuse` and in `log`, U+FFFD takes the
+     * place of bytes of the text that are not UTF-8. */
     escapement_status (*fail)(const escapement_host *host, const char *reason);
     /* In `initialise`, `step` and `terminate`: writes a line with the simulated time to the participant's log. In C, escapement_log formats
      * the line as printf does. */
     void (*log)(const escapement_host *host, const char *text);
-    /* In `save`: passes the state to the host. */
+    /* In `save`: passes the state to the host, at most 63 MiB. */
     escapement_status (*state)(const escapement_host *host, const void *bytes, uint64_t size);
     /* Sample number `index` of the random stream `stream`, derived from the run's seed: uniform in [0, 1), or standard normal. The same on
      * every machine. A participant may use no other random numbers. */
@@ -187,7 +188,8 @@ typedef struct escapement_participant {
     /* Called once, before the first step. A continuous participant writes its outputs at `t` (s). */
     escapement_status (*initialise)(const escapement_host *host, void *own, double t, void *const *outputs);
     /* Required. One activation. Inputs and outputs are in the order in which `describe` added them. Each is a struct of its message type, owned
-     * by the host and valid during the call. An output that is not written keeps its last value. */
+     * by the host and valid during the call. Inputs are const: a step that writes to one fails. An output that is not written keeps its last
+     * value. */
     escapement_status (*step)(const escapement_host *host, void *own, const escapement_step *step, const void *const *inputs,
                               void *const *outputs);
     /* Passes the whole state to host->state. After `restore`, possibly in another process, the participant must continue bit-identically. Define
@@ -327,6 +329,27 @@ static inline int escapement_put_text(char *to, size_t room, const char *text) {
     return 1;
 }
 
+/* Formats a text into 1001 bytes. One that is longer is cut in front of the character that does not fit: UTF-8 stays UTF-8. */
+#if defined(__GNUC__)
+__attribute__((format(printf, 2, 0)))
+#endif
+static inline void
+escapement_format_(char text[1001], const char *format, va_list arguments) {
+    size_t start = 1000, bytes;
+    unsigned char lead;
+    text[0] = 0;
+    if (vsnprintf(text, 1001, format, arguments) <= 1000) {
+        return;
+    }
+    do {
+        lead = (unsigned char)text[--start];
+    } while ((lead & 0xc0u) == 0x80u && start > 996);
+    bytes = lead >= 0xf0u ? 4 : lead >= 0xe0u ? 3 : lead >= 0xc0u ? 2 : 1;
+    if (start + bytes > 1000) {
+        text[start] = 0;
+    }
+}
+
 /* Reports a failure with a message formatted as by printf, up to 1000 bytes: return escapement_fail(host, "the angle is %g rad; …", angle); */
 #if defined(__GNUC__)
 __attribute__((format(printf, 2, 3)))
@@ -336,7 +359,7 @@ escapement_fail(const escapement_host *host, const char *format, ...) {
     char text[1001];
     va_list arguments;
     va_start(arguments, format);
-    (void)vsnprintf(text, sizeof text, format, arguments);
+    escapement_format_(text, format, arguments);
     va_end(arguments);
     return host->fail(host, text);
 }
@@ -350,7 +373,7 @@ escapement_log(const escapement_host *host, const char *format, ...) {
     char text[1001];
     va_list arguments;
     va_start(arguments, format);
-    (void)vsnprintf(text, sizeof text, format, arguments);
+    escapement_format_(text, format, arguments);
     va_end(arguments);
     host->log(host, text);
 }

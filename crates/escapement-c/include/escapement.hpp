@@ -238,6 +238,9 @@ template <class T> class Output {
 // A serialiser of the state: `state(first, second)` saves or restores its arguments in this order. Plain values and vectors of them.
 class State {
   public:
+    // A copy would be filled and thrown away: `state` takes a reference.
+    State(const State &) = delete;
+    State &operator=(const State &) = delete;
     template <class... T> void operator()(T &...values) { (one(values), ...); }
 
   private:
@@ -284,6 +287,12 @@ class State {
 // The function table of the class T.
 template <class T> struct Table {
     static constexpr escapement_participant of(const char *name, const char *version) {
+        static_assert(has_state<T>(0) || !state_function<T>(0),
+                      "`state` of the participant cannot be called as it must be: void state(escapement::State &state)");
+        static_assert(has_start<T>(0) || !start_function<T>(0),
+                      "`initialise` of the participant cannot be called as it must be: void initialise(double t)");
+        static_assert(has_end<T>(0) || !end_function<T>(0),
+                      "`terminate` of the participant cannot be called as it must be: void terminate(escapement::Termination why)");
         escapement_participant table{};
         table.size = sizeof table;
         table.abi = ESCAPEMENT_ABI;
@@ -327,6 +336,19 @@ template <class T> struct Table {
         return true;
     }
     template <class U> static constexpr bool has_end(...) { return false; }
+
+    // Whether the class has a function with the name of an optional one, whatever its arguments. A member that is data has another meaning.
+    template <class M> static constexpr bool function = std::is_member_function_pointer_v<M> || std::is_function_v<std::remove_pointer_t<M>>;
+    template <class U> static constexpr auto state_function(int) -> decltype(&U::state, true) { return function<decltype(&U::state)>; }
+    template <class U> static constexpr bool state_function(...) { return false; }
+    template <class U> static constexpr auto start_function(int) -> decltype(&U::initialise, true) {
+        return function<decltype(&U::initialise)>;
+    }
+    template <class U> static constexpr bool start_function(...) { return false; }
+    template <class U> static constexpr auto end_function(int) -> decltype(&U::terminate, true) {
+        return function<decltype(&U::terminate)>;
+    }
+    template <class U> static constexpr bool end_function(...) { return false; }
 
     static escapement_status describe(const escapement_host *host, void **own) {
         ESCAPEMENT_TRY_ {

@@ -355,7 +355,10 @@ impl Body for Single {
                         payloads(&mut running.outputs, interface.outputs.len()),
                     ),
                 };
-                let state = state.ok_or("the participant cannot save its state: it has no `save` and `restore`")?;
+                let state = state.ok_or_else(|| match running.participant.save_failure() {
+                    Some(reason) => format!("the participant cannot save its state: its `save` failed: {reason}"),
+                    None => "the participant cannot save its state: it has no `save` and `restore`".to_owned(),
+                })?;
                 Some(SavedRun {
                     start: running.start,
                     next: running.next,

@@ -1,4 +1,4 @@
-//! The rule for names of participants, ports, faults and streams.
+//! The rule for names of participants, ports, faults and streams, and for characters of other texts.
 
 /// The longest name.
 pub const NAME_MAX: usize = 64;
@@ -7,4 +7,19 @@ pub const NAME_MAX: usize = 64;
 pub fn is_name(text: &str, longest: usize) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     (1..=longest).contains(&text.len()) && text.chars().all(plain)
+}
+
+/// Whether a character of a text steers what shows the text: a control character, or a mark of the direction of writing.
+pub fn steers(c: char) -> bool {
+    let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    (c.is_control() && c != '\t') || turns
+}
+
+/// A text on one line, with the code points of characters that [steer](steers).
+pub fn shown(text: &str) -> String {
+    let shown = text.chars().map(|c| match steers(c) {
+        true => c.escape_unicode().to_string(),
+        false => c.to_string(),
+    });
+    shown.collect()
 }

@@ -368,10 +368,11 @@ unsafe extern "C-unwind" fn save(host: *const Host, at: *mut c_void) -> Status {
         // SAFETY: the arguments are those of the call.
         let own = unsafe { own(at) };
         own.whole(|own| {
-            if let Some(state) = own.participant.save() {
-                // SAFETY: the host copies the bytes.
-                unsafe { ((*host).state)(host, state.as_ptr().cast(), state.len() as u64) };
-            }
+            let Some(state) = own.participant.save() else {
+                return own.participant.save_failure().map_or(Ok(()), Err);
+            };
+            // SAFETY: the host copies the bytes.
+            unsafe { ((*host).state)(host, state.as_ptr().cast(), state.len() as u64) };
             Ok(())
         })
     })

@@ -7,14 +7,16 @@ use lockstep::participant::{
     Failure, Inputs, Interface, Log, Outputs, ParameterError, Participant, Setup, Step, Termination,
 };
 
+use lockstep::port::Descriptor;
+
 use crate::guarded::Guarded;
 use crate::seat::Seat;
 use crate::table::{self, Host, OK, SEEN_EVER, SEEN_NOW, Status, Table};
 
 /// A participant that is implemented by a table of functions, of a library or of the program itself.
 ///
-/// The participant writes outputs to separate memory with guards around each, and they are copied from there: a participant that writes
-/// out of bounds fails, and has not corrupted other memory.
+/// The participant reads inputs from and writes outputs to separate memory with guards around each, and they are copied to and from there: a
+/// participant that writes out of bounds, or to an input, fails, and has not corrupted other memory.
 pub struct Foreign {
     table: &'static Table,
     seat: NonNull<Seat>,
@@ -23,6 +25,8 @@ pub struct Foreign {
     interface: Interface,
     /// The memory of `own`, if the host allocates it.
     memory: Option<Guarded>,
+    /// The copies of the inputs, empty where an input is too large to be copied.
+    inputs: Guarded,
     outputs: Guarded,
     /// The addresses of the inputs of the current step.
     inputs_at: Vec<*const c_void>,
@@ -89,6 +93,7 @@ impl Foreign {
             own,
             interface: Interface::new(lockstep::participant::Kind::Sampled),
             memory,
+            inputs: Guarded::zeroed([]),
             outputs: Guarded::zeroed([]),
             inputs_at: Vec::new(),
             outputs_at: Vec::new(),
@@ -109,7 +114,13 @@ impl Foreign {
         foreign.outputs = Guarded::zeroed(ports.map(|port| port.descriptor.size as usize));
         foreign.outputs_at = foreign.outputs.addresses().map(<*mut u8>::cast).collect();
         *foreign.said().seen.borrow_mut() = vec![0; foreign.interface.outputs.len()];
-        foreign.inputs_at = vec![std::ptr::null(); foreign.interface.inputs.len()];
+        let ports = foreign.interface.inputs.iter();
+        foreign.inputs = Guarded::zeroed(ports.map(|port| match port.descriptor.size {
+            size @ 0..=Descriptor::PARTS_MAX => size as usize,
+            // An image is not copied for each step: it is passed as it is, without guards.
+            _ => 0,
+        }));
+        foreign.inputs_at = (foreign.inputs.addresses()).map(|at| at.cast_const().cast()).collect();
         Ok(Box::new(foreign))
     }
 
@@ -148,18 +159,48 @@ impl Foreign {
             )
             .into());
         }
-        let Some((number, overrun)) = self.outputs.broken() else {
+        let (what, name, descriptor, overrun) = if let Some((number, overrun)) = self.outputs.broken() {
+            let port = &self.interface.outputs[number];
+            ("output", &port.name, &port.descriptor, overrun)
+        } else if let Some((number, overrun)) = self.inputs.broken() {
+            let port = &self.interface.inputs[number];
+            ("input", &port.name, &port.descriptor, overrun)
+        } else {
             return Ok(());
         };
-        let port = &self.interface.outputs[number];
         Err(format!(
-            "its function `{function}` wrote {} of output `{}`, which has {} bytes: it is a `{}`",
+            "its function `{function}` wrote {} of {what} `{name}`, which has {} bytes: it is a `{}`",
             past(overrun),
-            port.name,
-            port.descriptor.size,
-            port.descriptor.name
+            descriptor.size,
+            descriptor.name
         )
         .into())
+    }
+
+    /// Copies in the inputs of a step.
+    fn show(&mut self, inputs: &Inputs) {
+        for (port, place) in self.inputs_at.iter_mut().enumerate() {
+            let (copy, bytes) = (self.inputs.piece_mut(port), inputs.bytes(port));
+            match copy.len() == bytes.len() {
+                true => copy.copy_from_slice(bytes),
+                false => *place = bytes.as_ptr().cast(),
+            }
+        }
+    }
+
+    /// Checks that no copy of an input has changed since [`Foreign::show`].
+    fn unchanged(&self, inputs: &Inputs) -> Result<(), Failure> {
+        for (number, port) in self.interface.inputs.iter().enumerate() {
+            let (copy, bytes) = (self.inputs.piece(number), inputs.bytes(number));
+            if copy.len() == bytes.len() && copy != bytes {
+                let name = &port.name;
+                let words = format!(
+                    "its function `step` wrote to input `{name}`, which is const: let it change a copy of its own"
+                );
+                return Err(words.into());
+            }
+        }
+        Ok(())
     }
 
     /// Copies in the current outputs, whether they are seen, and the log.
@@ -211,9 +252,7 @@ impl Participant for Foreign {
         let Some(function) = self.table.step else {
             return Err("it has no `step`".into());
         };
-        for (port, place) in self.inputs_at.iter_mut().enumerate() {
-            *place = inputs.bytes(port).as_ptr().cast();
-        }
+        self.show(inputs);
         // An output that a step does not write keeps its last value, which an earlier participant may have written: replacements occur
         // during the run.
         self.take(outputs);
@@ -230,6 +269,7 @@ impl Participant for Foreign {
         self.call("step", Some(step.t), |host, own| unsafe {
             function(host, own, &raw const now, from, to)
         })?;
+        self.unchanged(inputs)?;
         self.give(outputs);
         Ok(())
     }
@@ -254,14 +294,19 @@ impl Participant for Foreign {
         };
         let said = self.said();
         *said.state.borrow_mut() = None;
+        *said.unsaved.borrow_mut() = None;
         // SAFETY: the arguments satisfy the ABI.
         let saved = self.call("save", said.now.get(), |host, own| unsafe { save(host, own) });
         if let Err(failure) = saved {
-            // The caller only learns that there is no state.
             said.say(&failure.to_string());
+            *said.unsaved.borrow_mut() = Some(failure.to_string());
             return None;
         }
         said.state.take()
+    }
+
+    fn save_failure(&self) -> Option<String> {
+        self.said().unsaved.borrow().clone()
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {

@@ -5,7 +5,7 @@ use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use exit_guard::Guard;
-use lockstep::participant::{Input, Interface, Kind, Log, Output, ParameterError, Setup};
+use lockstep::participant::{Input, Interface, Kind, Log, Output, ParameterError, Setup, state::too_large};
 use lockstep::port::Descriptor;
 use lockstep::random::Stream;
 
@@ -42,6 +42,8 @@ pub(crate) struct Said {
     pub(crate) failure: RefCell<Option<String>>,
     /// The state that `save` returned.
     pub(crate) state: RefCell<Option<Vec<u8>>>,
+    /// Why the last `save` failed.
+    pub(crate) unsaved: RefCell<Option<String>>,
     /// The instant of the current call, s.
     pub(crate) now: Cell<Option<f64>>,
     /// For each output, whether the sample being written is seen, and whether any is, as bits.
@@ -101,6 +103,7 @@ impl Seat {
                 refusal: RefCell::default(),
                 failure: RefCell::default(),
                 state: RefCell::default(),
+                unsaved: RefCell::default(),
                 now: Cell::new(None),
                 seen: RefCell::default(),
                 log: RefCell::default(),
@@ -358,8 +361,11 @@ unsafe extern "C" fn whole(host: *const Host) -> *const c_char {
 unsafe extern "C" fn refuse(host: *const Host, name: *const c_char, reason: *const c_char) -> Status {
     let work = |said: &Said| {
         // SAFETY: texts satisfy the ABI.
-        let (key, reason) = unsafe { (word(name).unwrap_or_default(), word(reason)) };
-        said.refuse(ParameterError::new(key, reason.unwrap_or("refused without a reason")))
+        let (key, reason) = unsafe { (word(name).unwrap_or_default(), table::words(reason)) };
+        said.refuse(ParameterError::new(
+            key,
+            reason.unwrap_or("refused without a reason".into()),
+        ))
     };
     // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) }
@@ -367,14 +373,18 @@ unsafe extern "C" fn refuse(host: *const Host, name: *const c_char, reason: *con
 
 unsafe extern "C" fn fail(host: *const Host, reason: *const c_char) -> Status {
     // SAFETY: texts satisfy the ABI; foreign code passes the host that it was given.
-    unsafe { with(host, |said| said.fail(word(reason).unwrap_or("without a reason"))) }
+    unsafe {
+        with(host, |said| {
+            said.fail(&table::words(reason).unwrap_or("without a reason".into()))
+        })
+    }
 }
 
 unsafe extern "C" fn log(host: *const Host, text: *const c_char) {
     let work = |said: &Said| {
         // SAFETY: texts satisfy the ABI.
-        let text = unsafe { word(text) }.unwrap_or("(not UTF-8)");
-        said.say(text);
+        let text = unsafe { table::words(text) }.unwrap_or("(NULL in the place of a text)".into());
+        said.say(&text);
         OK
     };
     // SAFETY: foreign code passes the host that it was given.
@@ -406,6 +416,10 @@ unsafe extern "C" fn termination(host: *const Host) -> u32 {
 
 unsafe extern "C" fn state(host: *const Host, bytes: *const c_void, size: u64) -> Status {
     let work = |said: &Said| {
+        if let Some(reason) = too_large(size) {
+            // Also so that a wrong size does not make the host read what is not there.
+            return said.fail(&reason);
+        }
         let bytes = match (bytes.is_null(), usize::try_from(size)) {
             (true, Ok(0)) => Vec::new(),
             // SAFETY: there are as many bytes as foreign code states.

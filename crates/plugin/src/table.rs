@@ -3,6 +3,7 @@
 //! A struct that may grow begins with its size: its reader must not use a field that lies beyond that size. [`Field`] and [`Message`] are
 //! elements of lists and never change within one version. Texts are UTF-8 and end with a zero byte.
 
+use std::borrow::Cow;
 use std::ffi::{CStr, c_char, c_void};
 
 /// The version of the ABI. A table of another version is rejected.
@@ -339,6 +340,15 @@ impl Table {
         let version = unsafe { text(self.version) }.unwrap_or_default();
         format!("{} {version}", self.name())
     }
+}
+
+/// A text for people at `at`, with the replacement character where it is not UTF-8; `None` when it is null.
+///
+/// # Safety
+/// As for [`text`].
+pub(crate) unsafe fn words<'a>(at: *const c_char) -> Option<Cow<'a, str>> {
+    // SAFETY: guaranteed by the caller, unless it is null.
+    (!at.is_null()).then(|| unsafe { CStr::from_ptr(at) }.to_string_lossy())
 }
 
 /// The text at `at`; `None` when it is null or not UTF-8.

@@ -105,6 +105,7 @@ fn begun(scenario: &Scenario, options: &Options, warned: bool) -> Result<Outcome
             .iter()
             .for_each(|warning| progress.say(&format!("warning: {warning}")));
     };
+    let _watch = options.in_process.then(|| signals::Watch::over(&options.progress));
     std::thread::scope(|scope| {
         if warned {
             let progress = options.progress.clone();

@@ -42,6 +42,16 @@ impl Figures {
         }
     }
 
+    /// The figures of a run that did not reach its end: there is no verdict, and no headline that is one.
+    #[must_use]
+    pub fn of_unfinished(mut self) -> Figures {
+        if self.incomplete.is_none() {
+            self.incomplete = Some("the run did not complete".to_owned());
+            self.headline = None;
+        }
+        self
+    }
+
     /// Adds the figures `measures`, and puts their criteria before the others.
     #[must_use]
     pub fn with(mut self, measures: Vec<Measured>) -> Figures {
@@ -51,14 +61,17 @@ impl Figures {
         self
     }
 
-    /// As text: the verdict, the criteria, and the other figures, without a final newline.
+    /// As text: the verdict or why there is none, the criteria, and the other figures, without a final newline.
     pub fn text(&self) -> String {
         let missed = self.criteria.iter().filter(|criterion| !criterion.met).count();
-        let verdict = match (&self.headline, self.criteria.len(), missed) {
+        let verdict = match (&self.headline, &self.incomplete, self.criteria.len(), missed) {
             (Some(headline), ..) => Some(headline.clone()),
-            (None, 0, _) => None,
-            (None, _, 0) => Some("met".to_owned()),
-            (None, all, not) => Some(format!("not met: {not} of {all} criteria")),
+            (None, Some(reason), ..) => Some(format!(
+                "no verdict: {reason}; the figures are of the samples up to its end"
+            )),
+            (None, None, 0, _) => None,
+            (None, None, _, 0) => Some("met".to_owned()),
+            (None, None, all, not) => Some(format!("not met: {not} of {all} criteria")),
         };
         let criteria = self.criteria.iter().map(Criterion::line);
         let plain = self.measures.iter().filter(|measure| measure.criterion.is_none());

@@ -24,6 +24,7 @@ use super::state::RunState;
 use super::stops::actions::{self, attend};
 use super::stops::instants;
 use super::stops::schedule::Schedule;
+use crate::assessment::Figures;
 use crate::observer::Event as Report;
 use crate::scenario::Scenario;
 use crate::scope;
@@ -392,6 +393,10 @@ impl Run {
         let ending = recorder.with_active_faults(ending);
         let (sealed, figures) = recorder.finish();
         let (ending, digest) = Outcome::sealed(ending, sealed);
+        let figures = match ending {
+            Ending::Complete => figures,
+            _ => figures.map(Figures::of_unfinished),
+        };
         Outcome {
             folder: folder.map(|folder| folder.root().to_owned()),
             ending,

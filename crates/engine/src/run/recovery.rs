@@ -278,7 +278,7 @@ impl Processes {
                 (Some(one), OnFailure::Substitute(program)) => {
                     let entry = entry.replaced_by(program);
                     let text = format!(
-                        "{} takes over at activation {stands} from its initial state: the one before {}",
+                        "{} takes over at activation {stands} from its initial state, because of a failure: {}",
                         entry.program,
                         one.first_line()
                     );

@@ -8,7 +8,7 @@ use super::ready::{Pause, Ready, connect};
 use super::spans::Spans;
 use crate::control::{PROTOCOL, ParticipantEvent, Reply, Request, Timing, Waiting};
 use crate::panic::message;
-use crate::participant::{Factory, Log, Participant, Setup, Termination};
+use crate::participant::{Factory, Log, Participant, Setup, Termination, state};
 use crate::plan::{Assignment, Position};
 use crate::span::Detail;
 use crate::stepper::{settle, terminate};
@@ -80,7 +80,7 @@ pub(super) struct Session {
 
 impl Session {
     pub(super) fn open(address: Address, seat: Seat) -> Result<Session, HostError> {
-        let domain = Domain::enter(address, &seat.name)?;
+        let domain = Domain::join(address, &seat.name)?;
         let status = StatusWriter::open(&domain, &seat.name)?;
         let sleeper = Sleeper::open(&domain, &seat.name)?;
         // The server comes last: the orchestrator sends requests as soon as it is present.
@@ -302,8 +302,9 @@ impl Seat {
 }
 
 fn saved(participant: &dyn Participant) -> Reply {
-    match catch_unwind(AssertUnwindSafe(|| participant.save())) {
-        Ok(state) => Reply::State(state),
+    match catch_unwind(AssertUnwindSafe(|| state::of(participant))) {
+        Ok(Ok(state)) => Reply::State(state),
+        Ok(Err(reason)) => refused(&reason),
         Err(panic) => refused(&format!("it panicked: {}", message(&*panic))),
     }
 }

@@ -96,6 +96,12 @@ pub trait Participant: Send {
         None
     }
 
+    /// Why the last call of [`Participant::save`] returned `None`, in the participant's own words, if it failed. `None`, as by default,
+    /// when it did not fail, or when the participant has no state that could be saved at all.
+    fn save_failure(&self) -> Option<String> {
+        None
+    }
+
     /// Restores a state that [`Participant::save`] returned. The bytes may come from a file: they must be checked, which
     /// [`state::from_bytes`] does.
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
@@ -127,6 +133,10 @@ impl<P: Participant + ?Sized> Participant for Box<P> {
 
     fn save(&self) -> Option<Vec<u8>> {
         (**self).save()
+    }
+
+    fn save_failure(&self) -> Option<String> {
+        (**self).save_failure()
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {

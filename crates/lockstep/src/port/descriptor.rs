@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::enumeration::{self, EnumValue};
 use super::{Element, InvalidValue};
+use crate::name::{shown, steers};
 
 /// One named field of a payload.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -71,6 +72,20 @@ impl Field {
             Element::Bool => value == 0.0 || value == 1.0,
             Element::Enum => self.values.iter().any(|named| f64::from(named.value) == value),
             _ => value.is_finite(),
+        }
+    }
+
+    /// Refuses a name, unit or frame with a control character: they appear in messages, file names and pages.
+    fn steered(&self, message: &str) -> Result<(), DescriptorError> {
+        let texts = [("name", &self.name), ("unit", &self.unit), ("frame", &self.frame)];
+        match texts.into_iter().find(|(_, text)| text.contains(steers)) {
+            None => Ok(()),
+            Some((what, text)) => Err(DescriptorError::Text {
+                message: message.to_owned(),
+                field: shown(&self.name),
+                what,
+                text: shown(text),
+            }),
         }
     }
 
@@ -161,6 +176,26 @@ pub enum DescriptorError {
         /// Its size, bytes.
         size: u64,
     },
+    /// The name of a message that would steer what shows it.
+    #[error("message `{message}`: its name has a control character in it: leave the character out")]
+    Name {
+        /// The message, with the code point of the character.
+        message: String,
+    },
+    /// The name, unit or frame of a field would steer what shows it.
+    #[error(
+        "message `{message}`, field `{field}`: its {what} `{text}` has a control character in it: leave the character out"
+    )]
+    Text {
+        /// The message.
+        message: String,
+        /// The field, with the code points of such characters.
+        field: String,
+        /// Which of its texts.
+        what: &'static str,
+        /// The text, with their code points.
+        text: String,
+    },
     /// A field is unnamed, repeated, empty, misaligned, overlapping or beyond the end.
     #[error("message `{message}`, field `{field}`: {reason}")]
     Field {
@@ -182,6 +217,10 @@ impl Descriptor {
 
     /// Checks the descriptor that a foreign participant reports, so that later code can rely on every offset.
     pub fn validate(&self) -> Result<(), DescriptorError> {
+        if self.name.contains(steers) {
+            let message = shown(&self.name);
+            return Err(DescriptorError::Name { message });
+        }
         if self.size == 0 || self.size > Self::MAX_SIZE {
             return Err(DescriptorError::Size {
                 message: self.name.clone(),
@@ -193,10 +232,11 @@ impl Descriptor {
             let refuse = |reason| {
                 Err(DescriptorError::Field {
                     message: self.name.clone(),
-                    field: field.name.clone(),
+                    field: shown(&field.name),
                     reason,
                 })
             };
+            field.steered(&self.name)?;
             if field.name.is_empty() {
                 return refuse("a field needs a name");
             }

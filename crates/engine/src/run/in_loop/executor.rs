@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use lockstep::executor::{InLoop, Moment, Part, Reach, RunError, assemble};
-use lockstep::participant::{Log, Participant, Pending, Termination};
+use lockstep::participant::{Log, Participant, Pending, Termination, state};
 use lockstep::plan::{Cut, Plan, Position};
 use lockstep::stepper::{Stepper, settle, terminate};
 use lockstep::time::Ticks;
@@ -20,7 +20,7 @@ use crate::run::options::Options;
 use crate::run::outcome::{Ending, RunFailure};
 use crate::run::prepare::Made;
 use crate::run::recording::recorder::Recorder;
-use crate::run::saved::checkpoint::cannot_save;
+use crate::run::saved::checkpoint::{cannot_save, save_failed};
 use crate::run::state::RunState;
 use crate::scenario::{Entry, ORCHESTRATOR, Program, Scenario};
 
@@ -328,8 +328,11 @@ impl Executor for Loop {
 
     fn save(&mut self, run_state: &RunState, number: usize) -> Result<Vec<u8>, RunFailure> {
         let steppers = self.looped.as_ref().map(InLoop::steppers).unwrap_or_default();
-        let state = steppers.get(number).and_then(|stepper| stepper.participant().save());
+        let state = steppers
+            .get(number)
+            .map_or(Ok(None), |stepper| state::of(stepper.participant()));
         let entry = &run_state.entries[number];
+        let state = state.map_err(|reason| odd(entry, save_failed(&reason)))?;
         state.ok_or_else(|| odd(entry, cannot_save(matches!(entry.program, Program::Fmu { .. }))))
     }
 

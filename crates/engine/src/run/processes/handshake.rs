@@ -10,7 +10,7 @@ use super::monitor::Monitor;
 use super::participants::{ParticipantHandle, ask_all, foreign_writer_reason};
 use super::placement::Placement;
 use crate::run::outcome::RunFailure;
-use crate::run::saved::checkpoint::cannot_save;
+use crate::run::saved::checkpoint::{cannot_save, save_failed};
 use crate::scenario::{Entry, Scenario};
 use crate::text::quoted;
 
@@ -99,27 +99,10 @@ fn described(
     interface
         .validate()
         .map_err(|error| handle.odd(format!("describes ports that cannot be: {error}")))?;
-    if let Some(text) = control_text(&interface) {
-        return Err(handle.odd(format!(
-            "describes ports that cannot be: a name, unit or frame has a control character in it: {text}"
-        )));
-    }
     if let Some(difference) = known.and_then(|known| interface.difference(known)) {
         return Err(handle.odd(format!("describes other ports than expected: {difference}")));
     }
     Ok(interface)
-}
-
-/// The first name, unit or frame with a control character. They appear in messages, file names and pages.
-fn control_text(interface: &Interface) -> Option<&str> {
-    let inputs = interface.inputs.iter().map(|port| &port.descriptor);
-    let mut all = inputs.chain(interface.outputs.iter().map(|port| &port.descriptor));
-    all.find_map(|descriptor| {
-        let fields = descriptor.fields.iter();
-        let mut texts =
-            std::iter::once(&descriptor.name).chain(fields.flat_map(|field| [&field.name, &field.unit, &field.frame]));
-        texts.find(|text| quoted(text) != **text).map(String::as_str)
-    })
 }
 
 /// What participants receive in the connection request besides their parts of the plan.
@@ -218,7 +201,7 @@ pub(crate) fn save(handle: &mut ParticipantHandle, monitor: &Monitor) -> Result<
     match handle.ask(&Request::Save, monitor)? {
         Reply::State(Some(state)) => Ok(state),
         Reply::State(None) => Err(handle.odd(cannot_save(handle.process.is_fmu()))),
-        Reply::Refused { reason, .. } => Err(handle.odd(format!("cannot save its state: {reason}"))),
+        Reply::Refused { reason, .. } => Err(handle.odd(save_failed(&reason))),
         other => Err(handle.odd(format!("answered the request for its state with {other:?}"))),
     }
 }

@@ -176,7 +176,7 @@ fn apply_policy(entry: &mut Entry, count: u32, reason: &str) -> Option<Event> {
         OnFailure::Substitute(program) => {
             *entry = entry.replaced_by(&program);
             let text = format!(
-                "{} takes over before the run began: the one before {first_line}",
+                "{} takes over before the run began, because of a failure: {first_line}",
                 entry.program
             );
             (EventKind::Substitution, text)

@@ -33,7 +33,12 @@ pub(crate) fn cannot_save(is_fmu: bool) -> String {
         }
         false => "implement `save` and `restore`, or run without",
     };
-    format!("cannot save its state, which a checkpoint or a substitution with state needs: {remedy}")
+    save_failed(remedy)
+}
+
+/// The message for a participant that can save its state, and failed to.
+pub(crate) fn save_failed(reason: &str) -> String {
+    format!("cannot save its state, which a checkpoint or a substitution with state needs: {reason}")
 }
 
 /// The extension of a checkpoint's file.
@@ -87,7 +92,7 @@ pub enum CheckpointError {
         reason: String,
     },
     /// The states are too large.
-    #[error("the checkpoint at t = {time}: {source}")]
+    #[error("the checkpoint at t = {time}: {source}: keep the states of the participants smaller, or run without")]
     TooLarge {
         /// Its instant.
         time: Rational,

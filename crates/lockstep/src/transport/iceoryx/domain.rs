@@ -1,6 +1,8 @@
 //! The part of shared memory that belongs to one run.
 
+use std::ffi::OsStr;
 use std::fmt;
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Path as StdPath, PathBuf};
 use std::str::FromStr;
 
@@ -15,6 +17,25 @@ pub enum DomainError {
     /// The text is not a domain's address.
     #[error("`{0}` is not the address of a run: it reads PREFIX@FOLDER")]
     Address(String),
+    /// There is no run at the address.
+    #[error("there is no such run: {0}: it is over, or the address is wrong (the orchestrator sets it for each run)")]
+    NoRun(Address),
+    /// The run at the address has no participant of this name.
+    #[error("there is no such run or participant: `{name}` at {address}")]
+    NoParticipant {
+        /// The address.
+        address: Address,
+        /// The name.
+        name: String,
+    },
+    /// Another process is this participant.
+    #[error("`{name}` is already in this run, {address}: a participant is one process")]
+    Taken {
+        /// The address.
+        address: Address,
+        /// The participant.
+        name: String,
+    },
     /// The path is too long for shared memory.
     #[error("the folder `{}` has a name that shared memory cannot use: it is too long or has other characters than letters, digits, `/`, `_` and `-`", .0.display())]
     Folder(PathBuf),
@@ -110,20 +131,39 @@ fn exhausted() -> String {
     String::new()
 }
 
+/// The configuration of iceoryx2 for the domain at `address`.
+fn configuration(address: &Address) -> Result<Config, DomainError> {
+    let folder = |_| DomainError::Folder(address.folder.clone());
+    let mut config = Config::default();
+    config.global.prefix = FileName::new(address.prefix.as_bytes()).map_err(folder)?;
+    let bytes = address.folder.as_os_str().as_encoded_bytes();
+    config.global.set_root_path(&Path::new(bytes).map_err(folder)?);
+    // Only the orchestrator finds and reports dead processes; no other process cleans up in the meantime.
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
+    Ok(config)
+}
+
 impl Domain {
+    /// Enters the domain of a run under way at `address`, as the participant `process`. Nothing is created where there is no run: a node
+    /// would create its folders, which nobody would remove.
+    pub fn join(address: Address, process: &str) -> Result<Domain, DomainError> {
+        // The orchestrator has a node and services before it starts a participant.
+        let global = configuration(&address)?.global;
+        let there = [global.node_dir(), global.service_dir()];
+        let is_there = |folder: &Path| StdPath::new(OsStr::from_bytes(folder.as_bytes())).is_dir();
+        match there.iter().all(is_there) {
+            true => Domain::enter(address, process),
+            false => Err(DomainError::NoRun(address)),
+        }
+    }
+
     /// Enters the domain at `address` under the name `process`.
     pub fn enter(address: Address, process: &str) -> Result<Domain, DomainError> {
         // Messages of iceoryx2 reach the user as the errors of this crate.
         set_log_level(LogLevel::Fatal);
-        let folder = |_| DomainError::Folder(address.folder.clone());
-        let mut config = Config::default();
-        config.global.prefix = FileName::new(address.prefix.as_bytes()).map_err(folder)?;
-        let bytes = address.folder.as_os_str().as_encoded_bytes();
-        config.global.set_root_path(&Path::new(bytes).map_err(folder)?);
-        // Only the orchestrator finds and reports dead processes; no other process cleans up in the meantime.
-        config.global.node.cleanup_dead_nodes_on_creation = false;
-        config.global.node.cleanup_dead_nodes_on_destruction = false;
-        config.global.service.cleanup_dead_nodes_on_open = false;
+        let config = configuration(&address)?;
         let failed = |what: &str, reason: String| DomainError::Service {
             folder: address.folder.clone(),
             what: what.to_owned(),
@@ -156,5 +196,39 @@ impl Domain {
             what: what.to_string(),
             reason: format!("{error:?}{}", exhausted()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::place::Place;
+    use super::super::status::{StatusService, StatusWriter};
+    use super::*;
+
+    #[test]
+    fn joining_a_run_that_is_gone_creates_nothing() {
+        let folder = StdPath::new("/dev/shm").join(format!("gone_{}", std::process::id()));
+        let address = Address {
+            prefix: format!("gone_{}_", std::process::id()),
+            folder: folder.clone(),
+        };
+        let refused = Domain::join(address.clone(), "left")
+            .err()
+            .map(|error| error.to_string());
+        assert!(refused.is_some_and(|words| words.starts_with(&format!("there is no such run: {address}"))));
+        assert!(!folder.exists());
+    }
+
+    #[test]
+    fn unknown_names_and_second_processes_are_refused_in_words() {
+        let place = Place::new();
+        let _service = StatusService::create(&place.domain, "left", 2).unwrap();
+        let domain = Domain::join(place.domain.address().clone(), "left").unwrap();
+        let refused = |name: &str| StatusWriter::open(&domain, name).err().map(|error| error.to_string());
+        assert!(
+            refused("lift").is_some_and(|words| words.starts_with("there is no such run or participant: `lift` at "))
+        );
+        let _first = StatusWriter::open(&domain, "left").unwrap();
+        assert!(refused("left").is_some_and(|words| words.starts_with("`left` is already in this run")));
     }
 }

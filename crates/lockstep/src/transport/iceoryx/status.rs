@@ -3,8 +3,9 @@
 use std::cell::RefCell;
 
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle, Reader};
-use iceoryx2::port::writer::{EntryHandleMut, Writer};
+use iceoryx2::port::writer::{EntryHandleMut, Writer, WriterCreateError};
 use iceoryx2::prelude::*;
+use iceoryx2::service::builder::blackboard::BlackboardOpenError;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 
 use super::domain::{Domain, DomainError};
@@ -110,12 +111,24 @@ impl StatusWriter {
     pub fn open(domain: &Domain, participant: &str) -> Result<StatusWriter, DomainError> {
         let failed =
             |error: &dyn std::fmt::Debug| domain.failed(format!("opening the status of `{participant}`"), error);
+        let (address, own_name) = (domain.address().clone(), participant.to_owned());
         let service = domain
             .service(&name(participant))?
             .blackboard_opener::<u64>()
             .open()
-            .map_err(|error| failed(&error))?;
-        let writer = service.writer_builder().create().map_err(|error| failed(&error))?;
+            .map_err(|error| match error {
+                BlackboardOpenError::DoesNotExist => DomainError::NoParticipant {
+                    address,
+                    name: own_name,
+                },
+                other => failed(&other),
+            })?;
+        let (address, name) = (domain.address().clone(), participant.to_owned());
+        // The row has one writer: its participant.
+        let writer = service.writer_builder().create().map_err(|error| match error {
+            WriterCreateError::ExceedsMaxSupportedWriters => DomainError::Taken { address, name },
+            other => failed(&other),
+        })?;
         Ok(StatusWriter {
             wait_reason: writer.entry::<u64>(&WAIT_REASON).map_err(|error| failed(&error))?,
             row: writer.entry::<Row>(&STATUS).map_err(|error| failed(&error))?,
