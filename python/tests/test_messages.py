@@ -106,7 +106,7 @@ def test_named_values_truth_values_and_small_numbers_are_fields():
     again = other(phase="Dry")
     assert again.phase.name == "Dry" and again.phase == 250 and pickle.loads(pickle.dumps(report)) == report
     for value in (3, "Rinse"):
-        with pytest.raises(esc.MessageError, match="`phase` cannot be .*: it is one of Idle, Spray, Dry"):
+        with pytest.raises(esc.MessageError, match="`phase` of `Report` cannot be .*: it is one of Idle, Spray, Dry"):
             report.phase = value
     with pytest.raises(esc.MessageError, match="no value 0"):
         esc.Field(element=enum.IntEnum("Bad", [("one", 1)]))
@@ -121,12 +121,36 @@ def test_named_values_truth_values_and_small_numbers_are_fields():
         (lambda pose: setattr(pose, "p_NB_N", "here"), "`p_NB_N` of `Pose` cannot be"),
         (lambda pose: setattr(pose, "count", -1), "`count` of `Pose` cannot be -1"),
         (lambda pose: setattr(pose, "count", 0.5), "`count` of `Pose` cannot be 0.5"),
+        (lambda pose: setattr(pose, "count", 10**400), "`count` of `Pose` cannot be 1000"),
+        (lambda pose: setattr(pose, "count", [1, 2]), r"`count` of `Pose` has the shape \(\), and a value of the shape \(2,\)"),
         (lambda pose: Pose(speed=1), "has no field `speed`; it has `p_NB_N`"),
     ],
 )
 def test_wrong_values_are_refused_with_field_and_value(what, said):
     with pytest.raises(esc.MessageError, match=said):
         what(Pose())
+
+
+def test_misspelt_field_is_refused_with_the_fields_there_are():
+    fields = "`p_NB_N`, `R_NB`, `count`, `small`"
+    for wrong in ("cuont", "_count", "array", "fields"):
+        with pytest.raises(AttributeError, match=f"`Pose` has no field `{wrong}`; it has {fields}"):
+            setattr(Pose(), wrong, 1)
+
+    class Shown(Pose):
+        """A message may have properties of its own."""
+
+        @property
+        def half(self):
+            return self.count / 2
+
+        @half.setter
+        def half(self, value):
+            self.count = 2 * value
+
+    shown = Shown()
+    shown.half = 3
+    assert (shown.count, shown.half) == (6, 3.0)
 
 
 def test_layouts_that_cannot_be_are_refused():

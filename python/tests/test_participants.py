@@ -144,6 +144,18 @@ def test_array_of_the_wrong_shape_fails_with_name_instant_and_line(scenario):
     assert "Traceback" in error.run.log("tank") and "np.zeros(4)" in error.run.log("tank")
 
 
+def test_misspelt_field_fails_with_name_instant_and_line(scenario):
+    class Tank(esc.Participant):
+        level = esc.Output(Level)
+
+        def step(self, t, dt):
+            self.level.hieght = t
+
+    error = refused(scenario, Tank)
+    assert "`tank`: failed at t = 0 s" in str(error) and "`Level` has no field `hieght`; it has `height`, `parts`" in str(error)
+    assert "test_participants.py:" in str(error) and isinstance(error.__cause__, AttributeError)
+
+
 def test_value_that_is_not_finite_is_named(scenario):
     class Tank(esc.Participant):
         level = esc.Output(Level)
