@@ -5,6 +5,7 @@ import operator
 import re
 
 import numpy as np
+from numpy import ndarray
 
 from .errors import MessageError
 
@@ -103,7 +104,7 @@ class _Content:
     def __init__(self, array, name, field):
         self.array, self.name, self.field = array, name, field
 
-    def __setitem__(self, _, value):
+    def put(self, value):
         field = self.field
         if not field.shape:
             self.array[self.name] = self._element(value)
@@ -133,30 +134,84 @@ class _Content:
 class _Member:
     """The memory of an enumeration with one element: takes a member, its name or its number."""
 
-    __slots__ = ("view", "values")
+    __slots__ = ("view", "at", "values")
 
-    def __init__(self, view, values):
-        self.view, self.values = view, values
+    def __init__(self, view, at, values):
+        self.view, self.at, self.values = view, at, values
 
-    def __setitem__(self, at, value):
-        self.view[at] = _member(self.values, value)
+    def put(self, value):
+        self.view[self.at] = _member(self.values, value)
 
 
 class _Elements:
     """The memory of a field with several elements, into which an assigned value is copied."""
 
-    __slots__ = ("view", "shape", "dtype", "field")
+    __slots__ = ("view", "shape", "dtype", "values")
 
-    def __init__(self, view, field):
-        self.view, self.shape, self.dtype, self.field = view, view.shape, view.dtype, field
+    def __init__(self, view, values):
+        self.view, self.shape, self.dtype, self.values = view, view.shape, view.dtype, values
 
-    def __setitem__(self, at, value):
-        if type(value) is not np.ndarray:
-            value = np.asarray(value)
-        if value.shape != self.shape and value.shape:
+    def put(self, value):
+        array = value if type(value) is ndarray else np.asarray(value)
+        if array.shape != self.shape and array.shape:
             # The caller states both shapes.
             raise ValueError("it has another shape")
-        self.view[at] = value
+        if self.values is not None:
+            array = _members(array, self.values)
+        elif array.dtype is not self.dtype:
+            if array is not value and array.dtype.kind == "f" and self.dtype.kind in "iu":
+                # A list of integers and floats: as doubles the integers would lose bits.
+                array = np.asarray(value, object)
+            array = _exact(array, self.dtype)
+        self.view[...] = array
+
+
+def _members(array, values):
+    """The numbers of the members in `array`: members, numbers or names."""
+    numbers = [int(_member(values, one)) for one in array.reshape(-1).tolist()]
+    return np.array(numbers, np.uint8).reshape(array.shape)
+
+
+def _exact(array, dtype):
+    """`array` for elements of `dtype`. Numpy would truncate or wrap what an integer cannot represent: that is an error."""
+    kind = array.dtype.kind
+    if kind in "iu":
+        # The usual case, and the fast one.
+        cast = array.astype(dtype)
+        if 0 not in (cast == array).tobytes():
+            return cast
+    if kind not in "biufcO":
+        raise TypeError("it takes numbers")
+    if kind == "c":
+        _refuse_where(array.imag != 0, array, "numbers without an imaginary part")
+        return _exact(array.real, dtype)
+    if dtype.kind not in "iu" or kind == "b":
+        return array
+    if array.dtype == np.float16:
+        # It has no room for the limits.
+        array = array.astype(float)
+    limits = np.iinfo(dtype)
+    takes = f"whole numbers from {limits.min} to {limits.max}"
+    # As floats, one more than the maximum is exact and the maximum may not be.
+    with np.errstate(invalid="ignore"):
+        below = array < float(limits.max + 1) if kind == "f" else array <= limits.max
+        inside = (array >= limits.min) & below
+    _refuse_where(~inside, array, takes)
+    if kind == "f":
+        _refuse_where(array != np.floor(array), array, takes)
+    if kind == "O":
+        numbers = np.array([int(one) for one in array.reshape(-1)], dtype).reshape(array.shape)
+        _refuse_where(numbers != array, array, takes)
+        return numbers
+    return array
+
+
+def _refuse_where(wrong, array, takes):
+    """An error that names the first element that is `wrong`."""
+    if np.any(wrong):
+        at = np.unravel_index(np.argmax(wrong), array.shape)
+        place = f"its element {', '.join(str(index) for index in at)}" if at else "it"
+        raise ValueError(f"it takes {takes}, and {place} is {array[at]}")
 
 
 def _member(cls, value):
@@ -334,15 +389,16 @@ class Message:
         views, items = {}, {}
         for name, key, at, field in self._places:
             if field.room:
-                items[key] = (_Content(array, key, field), 0)
+                items[key] = (_Content(array, key, field), None)
             elif field.shape:
                 views[name] = array[key]
-                items[key] = (_Elements(array[key], field), ...)
+                items[key] = (_Elements(array[key], field.values), None)
             else:
                 if name not in views:
                     views[name] = view.cast(ELEMENTS[field.element][1])
-                items[key] = (_Member(views[name], field.values) if field.values else views[name], at)
-        # Where an assigned value goes, and at which index: of every field, and of those that are attributes.
+                items[key] = (_Member(views[name], at, field.values), None) if field.values else (views[name], at)
+        # Where an assigned value goes: for a number the memory and the index, otherwise what puts it there. Of every field, and of those
+        # that are attributes.
         attributes = {key: place for key, place in items.items() if _can_be_attribute(key)}
         own = {"_memory": memory, "array": array, "_bytes_view": view, "_items": items, "_attributes": attributes}
         # Not by way of `__dict__`, which would make every later access to them slower.
@@ -357,7 +413,10 @@ class Message:
             self._put_other(name, value)
             return
         try:
-            place[at] = value
+            if at is None:
+                place.put(value)
+            else:
+                place[at] = value
         except (TypeError, ValueError, OverflowError) as error:
             raise _refused(self, name, value, error) from None
 
@@ -383,7 +442,10 @@ class Message:
     def __setitem__(self, key, value):
         place, at = self._items[key]
         try:
-            place[at] = value
+            if at is None:
+                place.put(value)
+            else:
+                place[at] = value
         except (TypeError, ValueError, OverflowError) as error:
             raise _refused(self, key, value, error) from None
 
