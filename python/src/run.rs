@@ -314,16 +314,6 @@ impl Run {
             .map_err(|failure| errors::run(py, &failure))
     }
 
-    /// Sets an unconnected input by fields.
-    fn set_fields(&mut self, py: Python<'_>, port: &str, fields: Vec<(String, Vec<f64>)>) -> PyResult<()> {
-        let fields: Vec<(&str, &[f64])> = (fields.iter())
-            .map(|(name, values)| (name.as_str(), &values[..]))
-            .collect();
-        self.mine()?
-            .set_fields(port, &fields)
-            .map_err(|failure| errors::run(py, &failure))
-    }
-
     /// The log of a participant.
     fn log(&mut self, participant: &str) -> PyResult<String> {
         Ok(self.mine()?.log(participant))

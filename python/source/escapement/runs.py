@@ -8,8 +8,6 @@ import time
 import warnings
 from types import SimpleNamespace
 
-import numpy as np
-
 from . import _native, _program, participant as _participant
 from .errors import EscapementError, MessageError, PortError, RunError, ScenarioWarning
 from .message import Message
@@ -306,11 +304,23 @@ class Run:
 
     def answer(self, port, message=None, **fields):
         """Supplies `PARTICIPANT.OUTPUT` for that activation: a message, or its fields by name. The participant is then not stepped."""
+        self._native.answer(port, self._payload(port, message, fields))
+
+    def _payload(self, port, message, fields):
+        """The bytes of a message for `port`; none for a port that does not exist, which the run refuses with the ports there are."""
+        if self._native.described(port) is None:
+            return b""
         if message is None:
-            message = self._message_of(port)(**fields)
+            try:
+                message = self._message_of(port)(**fields)
+            except MessageError as error:
+                raise MessageError(f"`{port}`: {error}") from None
         elif not isinstance(message, Message) or fields:
             raise MessageError(f"`{port}`: give a message, or fields by name")
-        self._native.answer(port, bytes(message))
+        elif message.descriptor["fields"] != self._message_of(port).descriptor["fields"]:
+            # Another message can have the same number of bytes.
+            raise MessageError(f"`{port}` takes {self._message_of(port)()!r}, and {message!r} has other fields")
+        return bytes(message)
 
     def _message_of(self, port):
         if port not in self._messages:
@@ -322,13 +332,7 @@ class Run:
 
     def set(self, port, message=None, **fields):
         """Sets the unconnected input `PARTICIPANT.INPUT`: a message, or its fields by name. Fields that are not named are zero."""
-        if message is not None:
-            if not isinstance(message, Message) or fields:
-                raise MessageError(f"`{port}`: give a message, or fields by name")
-            self._native.set(port, bytes(message))
-            return
-        values = [(name, np.asarray(value, dtype=float).ravel().tolist()) for name, value in fields.items()]
-        self._native.set_fields(port, values)
+        self._native.set(port, self._payload(port, message, fields))
 
     def log(self, participant):
         """The log of a participant so far, at least the newest 64 KiB of it."""
