@@ -216,9 +216,17 @@ class Participant:
 
     def _esc_save(self):
         state = self.save()
-        if state is None:
-            raise EscapementError(f"`save` of `{type(self).__name__}` returned None: return bytes")
-        return bytes(state)
+        try:
+            # Not `bytes(state)`, which makes zeros of a number and bytes of a list.
+            view = memoryview(state)
+        except TypeError:
+            view = None
+        if view is None or "O" in view.format:
+            raise EscapementError(
+                f"`save` of `{type(self).__name__}` returned {_article(type(state).__name__)}, not the state as bytes: return bytes, such as "
+                "pickle.dumps(…) or array.tobytes()"
+            )
+        return view.tobytes()
 
     def _esc_restore(self, state):
         self.restore(state)
@@ -295,6 +303,10 @@ def _interface(participant):
 def _memory(participant):
     all_of = [(port, getattr(participant, key)._memory) for key, port in participant._esc_ports.items()]
     return [memory for port, memory in all_of if port.is_input], [memory for port, memory in all_of if not port.is_input]
+
+
+def _article(name):
+    return name if name == "NoneType" else f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
 def _short(error):
