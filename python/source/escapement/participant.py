@@ -159,7 +159,7 @@ class Participant:
             # The participant is not part of a run.
             print(f"{self.name}: {text}", file=sys.stderr)
         else:
-            self._esc_lines.write(str(text))
+            self._esc_lines.write(_encodable(str(text)))
 
     def uniform(self, stream, index):
         """A number in [0, 1): the same in every run with this seed, independently of earlier samples."""
@@ -310,14 +310,25 @@ def _article(name):
 
 
 def _short(error):
-    """An exception in one line, with the place in the user's own code."""
-    said = traceback.format_exception_only(type(error), error)[-1].strip()
+    """An exception in one line, with the place in the user's own code and its notes."""
+    told = traceback.TracebackException(type(error), error, None)
+    # The last line is the message only where the notes do not follow it.
+    told.__notes__ = None
+    said = list(told.format_exception_only())[-1].strip()
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if not frame.filename.startswith(_OWN)]
-    if not own:
-        return said if not isinstance(error, EscapementError) else str(error)
-    last = own[-1]
-    return f"{said} ({last.filename}:{last.lineno}, in {last.name})"
+    if own:
+        said = f"{said} ({own[-1].filename}:{own[-1].lineno}, in {own[-1].name})"
+    elif isinstance(error, EscapementError):
+        said = str(error)
+    notes = getattr(error, "__notes__", None)
+    noted = [str(note) for note in notes] if isinstance(notes, (list, tuple)) else []
+    return _encodable("; ".join([said, *noted]))
+
+
+def _encodable(text):
+    """`text` for Rust and for files: what is not valid Unicode is escaped."""
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def _log_traceback(error):

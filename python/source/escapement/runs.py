@@ -148,7 +148,7 @@ def _concluded(told):
 def _keep_in_log(folder, name, cause):
     log = os.path.join(folder.folder, "log")
     os.makedirs(log, exist_ok=True)
-    with open(os.path.join(log, f"{name}.stderr"), "a", encoding="utf-8") as file:
+    with open(os.path.join(log, f"{name}.stderr"), "a", encoding="utf-8", errors="backslashreplace") as file:
         file.write(_participant.traceback_text(cause))
 
 
