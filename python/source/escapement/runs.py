@@ -132,13 +132,16 @@ def _refuse_without_file(scenario):
             )
 
 
-def _concluded(told):
+def _concluded(told, interrupt):
     """The result of a run; raises if the run did not reach its end."""
     folder = RunFolder(told["folder"]) if told["folder"] else None
     if told["status"] == "failed":
         cause = told["cause"]
         if folder is not None and cause is not None:
             _keep_in_log(folder, told["participant"], cause)
+        if interrupt.asked():
+            # A second Ctrl-C is raised where the interpreter is: in a step, which then fails.
+            raise KeyboardInterrupt(told["words"]) from cause
         raise RunError(told["words"], participant=told["participant"], run=folder) from cause
     if told["status"] == "stopped" and told["words"].startswith("interrupted"):
         raise KeyboardInterrupt(told["words"])
@@ -213,10 +216,20 @@ def resume(run, *, at=None, set=None, participants=None, in_process=None, out=No
 def _run(scenario, how, progress):
     interrupt = _native.Interrupt()
     line = progress if callable(progress) else _Progress(progress)
-    with _Interruptible(interrupt):
-        told = _native.run(scenario._native, how, line, interrupt)
-    folder = _concluded(told)
+    told = _interruptible(interrupt, _native.run, scenario._native, how, line, interrupt)
+    folder = _concluded(told, interrupt)
     return folder if folder is not None else Outcome(told["summary"], told["logs"])
+
+
+def _interruptible(interrupt, go, *arguments):
+    """Calls `go`; an error because of Ctrl-C is a KeyboardInterrupt."""
+    with _Interruptible(interrupt):
+        try:
+            return go(*arguments)
+        except RunError as error:
+            if interrupt.asked():
+                raise KeyboardInterrupt(str(error)) from error.__cause__
+            raise
 
 
 class Sample:
@@ -269,13 +282,7 @@ class Run:
         self._on(self._native.step)
 
     def _on(self, go, *to):
-        with _Interruptible(self._interrupt):
-            try:
-                go(*to)
-            except RunError:
-                if self._interrupt.asked():
-                    raise KeyboardInterrupt from None
-                raise
+        return _interruptible(self._interrupt, go, *to)
 
     def newest(self, port):
         """The newest sample of `PARTICIPANT.OUTPUT`."""
@@ -287,13 +294,7 @@ class Run:
     def run_before(self, participant):
         """Advances the run until `participant` is about to step: the inputs of its next activation are available (`shown`), and its outputs can
         be supplied instead of its step (`answer`). False when it has no further activation: the run has then reached its end."""
-        with _Interruptible(self._interrupt):
-            try:
-                return self._native.run_before(participant)
-            except RunError:
-                if self._interrupt.asked():
-                    raise KeyboardInterrupt from None
-                raise
+        return self._on(self._native.run_before, participant)
 
     def shown(self, port):
         """The sample that `PARTICIPANT.INPUT` has in the activation before which the participant is held."""
@@ -349,7 +350,7 @@ class Run:
     def end(self):
         """Ends the run. Returns the run folder, or the outcome if there is no folder."""
         told = self._native.end()
-        folder = _concluded(told)
+        folder = _concluded(told, self._interrupt)
         return folder if folder is not None else Outcome(told["summary"], told["logs"])
 
     def __enter__(self):
