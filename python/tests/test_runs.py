@@ -514,6 +514,16 @@ def test_progress_is_told():
     assert told[0] == "begun" and told[-1] == "over" and "time" in told
 
 
+def test_figures_are_those_of_the_scenario_alone():
+    short = {"duration": "0.5 s", "measures.apart.from": "0 s"}
+    run = esc.run(SPRING, participants=BOTH, set=short)
+    paced = esc.run(SPRING, participants=BOTH, set=short, pace=1000.0)
+    assert "pace" in paced.summary and paced.figures == run.figures
+    # The entries of a run with `--trace`, and of one whose tape has only a part of its samples.
+    summary = {**run.summary, "trace": {"file": "trace.json"}, "tape_has_only": {"left.motion": 1}}
+    assert esc.Outcome(summary).figures == run.figures
+
+
 def test_report_is_one_page(tmp_path):
     run = esc.run(SPRING, participants=BOTH)
     page = run.report()

@@ -232,7 +232,7 @@ class RunFolder:
     def figures(self):
         """The figures of merit with their values: those declared by the scenario, and those of its assessment by name."""
         kept = ("verdict", "ending", "simulated_time_s", "wall_time_s", "real_time_factor", "tape_digest", "run_folder")
-        kept += ("recovered", "placement", "timing", "measures", "criteria", "shadows")
+        kept += ("recovered", "tape_has_only", "pace", "trace", "placement", "timing", "measures", "criteria", "shadows")
         summary = self.summary
         figures = {key: value for key, value in summary.items() if key not in kept}
         figures.update({name: one.get("value") for name, one in summary.get("measures", {}).items()})
