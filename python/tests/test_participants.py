@@ -312,48 +312,6 @@ def test_state_that_cannot_be_saved_is_named(scenario):
     assert "tank" in str(error) and "its attribute `handle` cannot be pickled" in str(error.__cause__)
 
 
-@pytest.mark.parametrize(
-    "state, said",
-    [
-        (5, "an int"), ([1, 2, 3], "a list"), (None, "NoneType"), ("abc", "a str"), (1.5, "a float"), (True, "a bool"),
-        (np.array([None]), "a ndarray"), ((b"a",), "a tuple"),
-    ],
-)
-def test_state_that_is_not_bytes_is_refused_with_its_type(scenario, state, said):
-    class Keeps(esc.Participant):
-        level = esc.Output(Level)
-
-        def step(self, t, dt):
-            pass
-
-        def save(self):
-            return state
-
-    error = refused(scenario, Keeps, checkpoint_at="500 ms")
-    assert "tank" in str(error) and f"`save` of `Keeps` returned {said}, not the state as bytes" in str(error.__cause__)
-
-
-@pytest.mark.parametrize("state", [b"12345678", bytearray(b"12345678"), memoryview(b"12345678"), np.frombuffer(b"12345678", "<f8")])
-def test_state_is_anything_like_bytes(scenario, state):
-    got = []
-
-    class Keeps(esc.Participant):
-        level = esc.Output(Level)
-
-        def step(self, t, dt):
-            pass
-
-        def save(self):
-            return state
-
-        def restore(self, state):
-            got.append(state)
-
-    with esc.Run(scenario(ALONE), participants={"tank": Keeps}) as run:
-        run.restore(run.save())
-    assert got == [b"12345678"]
-
-
 def test_draws_depend_on_seed_and_name_alone(scenario):
     class Draws(esc.Participant):
         level = esc.Output(Level)

@@ -1,5 +1,6 @@
 """Participants: models that own their state and exchange messages through ports."""
 
+import inspect
 import io
 import json
 import operator
@@ -76,6 +77,17 @@ def _guarded(name, what):
     return property(operator.attrgetter(f"_esc_at_{name}"), put)
 
 
+def _refuse_taken(cls, key, value):
+    """A port or a parameter would hide a member of every participant: the host would call a message as `save`."""
+    if hasattr(Participant, key) or key.startswith("_esc_"):
+        what = "parameter" if isinstance(value, _Parameter) else "input" if value.is_input else "output"
+        other = "key" if what == "parameter" else "name"
+        raise EscapementError(
+            f"`{cls.__name__}`: its {what} `{key}` would hide `{key}` of every participant: call the attribute otherwise, and the {what} "
+            f"by {other}={key!r}"
+        )
+
+
 class Participant:
     """The base of participants in Python:
 
@@ -99,6 +111,8 @@ class Participant:
         super().__init_subclass__(**others)
         ports, parameters = dict(cls._esc_ports), dict(cls._esc_parameters)
         for key, value in list(vars(cls).items()):
+            if isinstance(value, (_Port, _Parameter)):
+                _refuse_taken(cls, key, value)
             if isinstance(value, _Port):
                 value.name = value.name or key
                 ports[key] = value
@@ -269,11 +283,25 @@ def _declared(cls):
         raise EscapementError(f"{cls!r} is no participant: give a subclass of escapement.Participant")
     if cls.step is Participant.step:
         raise EscapementError(f"`{cls.__name__}` has no step: define step(self, t, dt)")
+    for name in ("initialise", "step", "terminate", "save", "restore"):
+        _refuse_unfinished(cls, name)
     if cls.kind not in ("sampled", "continuous"):
         raise EscapementError(f"the kind of `{cls.__name__}` is {cls.kind!r}: write \"sampled\" or \"continuous\"")
     return [
         _Key(one.key, one.unit, one.default is _MISSING, one.count or 0) for one in cls._esc_parameters.values()
     ]
+
+
+def _refuse_unfinished(cls, name):
+    """A call of such a function only creates an object, which nobody runs."""
+    function = inspect.unwrap(getattr(cls, name))
+    for is_so, what in (
+        (inspect.iscoroutinefunction, "is declared with `async`"),
+        (inspect.isgeneratorfunction, "has a `yield` in it"),
+        (inspect.isasyncgenfunction, "is declared with `async`"),
+    ):
+        if is_so(function):
+            raise EscapementError(f"`{name}` of `{cls.__name__}` {what}, so that a call would not run it: make it an ordinary function")
 
 
 class _Key:
