@@ -1,8 +1,13 @@
 """`esc.Run`: a run that is advanced in stages: inputs set from code, and calls that are refused."""
 
 import enum
+import fractions
+import warnings
 
+import numpy as np
 import pytest
+from conftest import SPRING
+from spring import Spring
 
 import escapement as esc
 
@@ -72,3 +77,62 @@ def test_values_that_do_not_fit_a_port_are_refused(values, error, said):
 def test_port_that_does_not_exist_is_refused_with_those_there_are():
     with sink() as run, pytest.raises(esc.PortError, match="`sink` has no input `odrer`; it has `order`"):
         run.set("sink.odrer", count=1)
+
+
+SPRINGS = {"left": Spring, "right": Spring}
+
+
+@pytest.mark.parametrize("number", [0.25, np.float64(0.25), np.float32(0.25), np.array(0.25), fractions.Fraction(1, 4), "250 ms"])
+def test_time_is_a_text_or_any_number_of_seconds(number):
+    with esc.Run(SPRING, participants=SPRINGS) as run:
+        run.run_to(number)
+        assert run.now == 0.25
+        run.run_to(np.int64(1))
+        assert run.now == 1.0
+
+
+def test_checkpoints_are_at_times_of_every_kind():
+    short = {"duration": "1 s", "measures.apart.from": "0 s"}
+    begun = esc.run(SPRING, participants=SPRINGS, set=short, checkpoint_at=[0.25, "0.5 s"], checkpoint_every=np.float64(0.6), out="begun")
+    for at in (0.3, "0.3 s", np.float64(0.3)):
+        resumed = esc.resume(begun, at=at, out="resumed", force=True)
+        assert resumed.digest == begun.digest
+    # One time alone, and an array of them.
+    for at in (0.25, np.array([0.25, 0.5])):
+        esc.run(SPRING, participants=SPRINGS, set=short, checkpoint_at=at, out="other", force=True)
+
+
+@pytest.mark.parametrize(
+    "options, said",
+    [
+        (dict(checkpoint_every="often"), "checkpoint_every: `often` is not a time: write a number and a unit, .*, or a number of seconds"),
+        (dict(checkpoint_at=["1 s", None]), "checkpoint_at=None is no time"),
+        (dict(checkpoint_every=True), "checkpoint_every=True is no time"),
+        (dict(checkpoint_every=float("nan")), "checkpoint_every: `nan s` is not a time"),
+        (dict(patience="soon"), "patience='soon' is no time: .*\"30 s\", or a number of seconds"),
+        (dict(pace="fast"), "pace='fast' is no number: give simulated seconds per second"),
+        (dict(out=5), "out=5 is no path"),
+        (dict(record="tape"), 'record="tape": write "folder"'),
+    ],
+)
+def test_option_that_cannot_be_read_is_refused_with_its_name(options, said):
+    with pytest.raises(esc.OptionError, match=said):
+        esc.run(SPRING, participants=SPRINGS, in_process=False, **options)
+
+
+def test_times_that_cannot_be_read_are_refused():
+    with esc.Run(SPRING, participants=SPRINGS) as run:
+        with pytest.raises(esc.OptionError, match="run_to: `soon` is not a time"):
+            run.run_to("soon")
+        with pytest.raises(esc.OptionError, match=r"run_to=\[1\] is no time"):
+            run.run_to([1])
+
+
+def test_patience_has_an_effect_in_processes_alone():
+    short = {"duration": "0.1 s", "measures.apart.from": "0 s"}
+    with pytest.warns(esc.ScenarioWarning, match="patience=5 has no effect on a run in one process") as caught:
+        esc.run(SPRING, participants=SPRINGS, set=short, patience=5, record="digest")
+    assert caught[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        esc.run(SPRING, participants=SPRINGS, set=short, patience="5 s", in_process=False)

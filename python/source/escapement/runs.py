@@ -1,20 +1,26 @@
 """Runs: executed to their end at once, or advanced from pause to pause."""
 
+import numbers
 import os
 import signal
 import sys
 import threading
 import time
 import warnings
+from collections.abc import Iterable
 from types import SimpleNamespace
 
+import numpy as np
+
 from . import _native, _program, participant as _participant
-from .errors import EscapementError, MessageError, PortError, RunError, ScenarioWarning
+from .errors import EscapementError, MessageError, OptionError, PortError, RunError, ScenarioWarning
 from .message import Message
 from .scenarios import Scenario, _listed
 from .tape import RunFolder
 
 _LINE_EVERY = 0.1
+# The time that a participant in a separate process has for an activation, s.
+_PATIENCE = 60.0
 
 
 class _Progress:
@@ -78,19 +84,63 @@ class _Interruptible:
 
 
 def _how(in_process, record, out, force, pace, checkpoint_every, checkpoint_at, patience, resume=None, resume_from=None):
-    times = [checkpoint_at] if isinstance(checkpoint_at, str) else list(checkpoint_at)
+    several = isinstance(checkpoint_at, Iterable) and not isinstance(checkpoint_at, str) and np.ndim(checkpoint_at) > 0
+    times = list(checkpoint_at) if several else [checkpoint_at]
+    if patience is not None and in_process:
+        warnings.warn(
+            f"patience={patience!r} has no effect on a run in one process, where a step that does not come back cannot be ended: run its "
+            "participants in processes",
+            ScenarioWarning,
+            stacklevel=3,
+        )
     return SimpleNamespace(
-        in_process=in_process,
+        in_process=bool(in_process),
         record=record,
-        out=None if out is None else os.fspath(out),
-        force=force,
-        pace=None if not pace else float(pace),
-        checkpoint_every=checkpoint_every,
-        checkpoint_at=times,
-        patience=float(patience),
+        out=None if out is None else _path("out", out),
+        force=bool(force),
+        pace=None if not pace else _pace(pace),
+        checkpoint_every=None if checkpoint_every is None else _time("checkpoint_every", checkpoint_every),
+        checkpoint_at=[_time("checkpoint_at", time) for time in times],
+        patience=_PATIENCE if patience is None else _patience(patience),
         resume=resume,
-        resume_from=resume_from,
+        resume_from=None if resume_from is None else _time("at", resume_from),
     )
+
+
+def _path(option, value):
+    try:
+        return os.fspath(value)
+    except TypeError:
+        raise OptionError(f"{option}={value!r} is no path: give a text or a pathlib.Path") from None
+
+
+def _time(option, value):
+    """A time for the native module, which reads it exactly: a text such as "2.5 s", or a number of seconds."""
+    if np.ndim(value) == 0 and hasattr(value, "item"):
+        # Of numpy, whose `repr` names its type.
+        value = value.item()
+    text = value
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        text = f"{value} s" if isinstance(value, numbers.Rational) else f"{float(value)!r} s"
+    if not isinstance(text, str):
+        raise OptionError(f'{option}={value!r} is no time: write such as "2.5 s" or "1/300 s", or a number of seconds')
+    return text
+
+
+def _patience(value):
+    """A number of seconds."""
+    try:
+        (seconds,) = _native.convert(value, "s") if isinstance(value, str) else (float(value),)
+    except (TypeError, ValueError) as error:
+        raise OptionError(f'patience={value!r} is no time: {error}; write such as "30 s", or a number of seconds') from None
+    return seconds
+
+
+def _pace(value):
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise OptionError(f"pace={value!r} is no number: give simulated seconds per second") from None
 
 
 def _scenario(scenario, set, participants, faults=()):
@@ -184,7 +234,7 @@ def run(
     pace=None,
     checkpoint_every=None,
     checkpoint_at=(),
-    patience=60.0,
+    patience=None,
     progress=None,
 ):
     """Runs a scenario to its end and returns its run folder.
@@ -204,7 +254,7 @@ def run(
 
 
 def resume(run, *, at=None, set=None, participants=None, in_process=None, out=None, force=False, checkpoint_every=None,
-           checkpoint_at=(), patience=60.0, progress=None):
+           checkpoint_at=(), patience=None, progress=None):
     """Continues from a checkpoint of a run, the newest one or the newest at or before `at`, in a separate folder."""
     folder = os.path.abspath(os.fspath(getattr(run, "folder", run)))
     scenario = Scenario(os.path.join(folder, "plan.toml"), set=set, participants=participants)
@@ -258,7 +308,7 @@ class Run:
     """
 
     def __init__(self, scenario, *, set=None, participants=None, faults=(), in_process=None, out=None, force=False, record=None,
-                 pace=None, patience=60.0, progress=False):
+                 pace=None, patience=None, progress=False):
         self.scenario = _scenario(scenario, set, participants, faults)
         here = _place(self.scenario, in_process)
         if record is None:
@@ -274,8 +324,7 @@ class Run:
 
     def run_to(self, time):
         """Advances the run to `time`, a text such as "2.5 s" or a number of seconds, and pauses it there."""
-        text = time if isinstance(time, str) else f"{time!r} s"
-        self._on(self._native.run_to, text)
+        self._on(self._native.run_to, _time("run_to", time))
 
     def step(self):
         """Advances the run to the next communication point."""
