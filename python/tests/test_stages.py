@@ -128,6 +128,16 @@ def test_times_that_cannot_be_read_are_refused():
             run.run_to([1])
 
 
+def test_run_that_is_resumed_is_not_replaced(tmp_path):
+    begun = esc.run(SPRING, participants=SPRINGS, set={"duration": "2 s"}, checkpoint_at="1 s", out="runs/begun")
+    (tmp_path / "link").symlink_to(begun.folder)
+    for out in (begun.folder, "runs", tmp_path / "link"):
+        with pytest.raises(esc.OptionError, match="it has the run that is resumed, which force=True would take away; name another folder"):
+            esc.resume(begun, out=out, force=True)
+    assert esc.open(begun.folder).digest == begun.digest
+    assert esc.resume(begun, out="runs/begun2", force=True).digest == begun.digest
+
+
 def test_patience_has_an_effect_in_processes_alone():
     short = {"duration": "0.1 s", "measures.apart.from": "0 s"}
     with pytest.warns(esc.ScenarioWarning, match="patience=5 has no effect on a run in one process") as caught:

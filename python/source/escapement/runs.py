@@ -114,6 +114,12 @@ def _path(option, value):
         raise OptionError(f"{option}={value!r} is no path: give a text or a pathlib.Path") from None
 
 
+def _is_within(folder, other):
+    """Whether `folder` is `other` or in it, also by way of links."""
+    folder, other = os.path.realpath(folder), os.path.realpath(other)
+    return os.path.commonpath([folder, other]) == other
+
+
 def _time(option, value):
     """A time for the native module, which reads it exactly: a text such as "2.5 s", or a number of seconds."""
     if np.ndim(value) == 0 and hasattr(value, "item"):
@@ -256,7 +262,9 @@ def run(
 def resume(run, *, at=None, set=None, participants=None, in_process=None, out=None, force=False, checkpoint_every=None,
            checkpoint_at=(), patience=None, progress=None):
     """Continues from a checkpoint of a run, the newest one or the newest at or before `at`, in a separate folder."""
-    folder = os.path.abspath(os.fspath(getattr(run, "folder", run)))
+    folder = os.path.abspath(_path("run", getattr(run, "folder", run)))
+    if force and out is not None and _is_within(folder, _path("out", out)):
+        raise OptionError(f"out={os.fspath(out)!r}: it has the run that is resumed, which force=True would take away; name another folder")
     scenario = Scenario(os.path.join(folder, "plan.toml"), set=set, participants=participants)
     here = _place(scenario, in_process)
     how = _how(here, "folder", out, force, None, checkpoint_every, checkpoint_at, patience, folder, at)
