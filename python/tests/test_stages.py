@@ -2,6 +2,7 @@
 
 import enum
 import fractions
+import threading
 import warnings
 
 import numpy as np
@@ -146,3 +147,66 @@ def test_patience_has_an_effect_in_processes_alone():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         esc.run(SPRING, participants=SPRINGS, set=short, patience="5 s", in_process=False)
+
+
+CALLS = {
+    "now": lambda run: run.now,
+    "is_over": lambda run: run.is_over,
+    "run_to": lambda run: run.run_to(1),
+    "step": lambda run: run.step(),
+    "run_before": lambda run: run.run_before("left"),
+    "newest": lambda run: run.newest("left.motion"),
+    "shown": lambda run: run.shown("left.neighbour"),
+    "set": lambda run: run.set("left.neighbour", position=1.0),
+    "answer": lambda run: run.answer("left.motion", position=1.0),
+    "log": lambda run: run.log("left"),
+    "save": lambda run: run.save(),
+    "restore": lambda run: run.restore(None),
+    "end": lambda run: run.end(),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_run_that_has_ended_takes_no_call(call):
+    with esc.Run(SPRING, participants=SPRINGS) as run:
+        run.run_to("0.1 s")
+        run.end()
+        with pytest.raises(esc.RunError, match="the run has ended: start another one"):
+            CALLS[call](run)
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_run_takes_no_call_from_another_thread(call):
+    raised = []
+
+    def other(run):
+        try:
+            CALLS[call](run)
+        except BaseException as error:
+            raised.append(error)
+
+    with esc.Run(SPRING, participants=SPRINGS) as run:
+        thread = threading.Thread(target=other, args=(run,))
+        thread.start()
+        thread.join()
+        run.run_to("0.1 s")
+    (error,) = raised
+    assert isinstance(error, esc.RunError) and "belongs to the thread that started it" in str(error)
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_run_takes_no_call_from_a_step(call):
+    class Calls(Spring):
+        def step(self, t, dt):
+            CALLS[call](run)
+
+    with esc.Run(SPRING, participants={**SPRINGS, "left": Calls}) as run:
+        with pytest.raises(esc.RunError, match="`left`.*a call of this run goes on.*call it between its steps") as caught:
+            run.run_to("0.1 s")
+        assert isinstance(caught.value.__cause__, esc.RunError)
+
+
+def test_state_that_is_none_is_refused():
+    with esc.Run(SPRING, participants=SPRINGS) as run:
+        with pytest.raises(esc.RunError, match="b'abc' is no state of a run: give what `save` returned"):
+            run.restore(b"abc")

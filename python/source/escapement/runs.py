@@ -21,6 +21,9 @@ from .tape import RunFolder
 _LINE_EVERY = 0.1
 # The time that a participant in a separate process has for an activation, s.
 _PATIENCE = 60.0
+# Why a `Run` takes no call.
+_ENDED = "the run has ended: start another one"
+_GOES_ON = "a call of this run goes on, in which a participant or the progress function called the run: call it between its steps"
 
 
 class _Progress:
@@ -325,25 +328,44 @@ class Run:
         self._interrupt = _native.Interrupt()
         self._messages = {}
         line = progress if callable(progress) else _Progress(progress)
+        # Why it takes no call at present: a call of its own goes on, or it has ended.
+        self._closed = None
+        self._thread = threading.get_ident()
         self._native = _native.Run(self.scenario._native, how, line, self._interrupt)
 
-    now = property(lambda self: self._native.now, doc="Everybody has done exactly the activations before this instant, s.")
-    is_over = property(lambda self: self._native.is_over, doc="Whether nothing more happens.")
+    now = property(lambda self: self._open.now, doc="Everybody has done exactly the activations before this instant, s.")
+    is_over = property(lambda self: self._open.is_over, doc="Whether nothing more happens.")
+
+    @property
+    def _open(self):
+        """The run in the native module, if it can take a call."""
+        self._refuse_other_thread()
+        if self._closed is not None:
+            raise RunError(self._closed)
+        return self._native
+
+    def _refuse_other_thread(self):
+        if threading.get_ident() != self._thread:
+            raise RunError("a run belongs to the thread that started it: call it there, or start one in each thread")
 
     def run_to(self, time):
         """Advances the run to `time`, a text such as "2.5 s" or a number of seconds, and pauses it there."""
-        self._on(self._native.run_to, _time("run_to", time))
+        self._on(self._open.run_to, _time("run_to", time))
 
     def step(self):
         """Advances the run to the next communication point."""
-        self._on(self._native.step)
+        self._on(self._open.step)
 
     def _on(self, go, *to):
-        return _interruptible(self._interrupt, go, *to)
+        self._closed = _GOES_ON
+        try:
+            return _interruptible(self._interrupt, go, *to)
+        finally:
+            self._closed = None
 
     def newest(self, port):
         """The newest sample of `PARTICIPANT.OUTPUT`."""
-        index, t, payload = self._native.newest(port)
+        index, t, payload = self._open.newest(port)
         message = self._message_of(port)()
         message._set_bytes(payload)
         return Sample(index, t, message)
@@ -351,38 +373,40 @@ class Run:
     def run_before(self, participant):
         """Advances the run until `participant` is about to step: the inputs of its next activation are available (`shown`), and its outputs can
         be supplied instead of its step (`answer`). False when it has no further activation: the run has then reached its end."""
-        return self._on(self._native.run_before, participant)
+        return self._on(self._open.run_before, participant)
 
     def shown(self, port):
         """The sample that `PARTICIPANT.INPUT` has in the activation before which the participant is held."""
-        index, t, payload = self._native.shown(port)
+        index, t, payload = self._open.shown(port)
         message = self._message_of(port)()
         message._set_bytes(payload)
         return Sample(index, t, message)
 
     def answer(self, port, message=None, **fields):
         """Supplies `PARTICIPANT.OUTPUT` for that activation: a message, or its fields by name. The participant is then not stepped."""
-        self._native.answer(port, self._payload(port, message, fields))
+        self._open.answer(port, self._payload(port, message, fields))
 
     def _payload(self, port, message, fields):
         """The bytes of a message for `port`; none for a port that does not exist, which the run refuses with the ports there are."""
-        if self._native.described(port) is None:
+        try:
+            kind = self._message_of(port)
+        except PortError:
             return b""
         if message is None:
             try:
-                message = self._message_of(port)(**fields)
+                message = kind(**fields)
             except MessageError as error:
                 raise MessageError(f"`{port}`: {error}") from None
         elif not isinstance(message, Message) or fields:
             raise MessageError(f"`{port}`: give a message, or fields by name")
-        elif message.descriptor["fields"] != self._message_of(port).descriptor["fields"]:
+        elif message.descriptor["fields"] != kind.descriptor["fields"]:
             # Another message can have the same number of bytes.
-            raise MessageError(f"`{port}` takes {self._message_of(port)()!r}, and {message!r} has other fields")
+            raise MessageError(f"`{port}` takes {kind()!r}, and {message!r} has other fields")
         return bytes(message)
 
     def _message_of(self, port):
         if port not in self._messages:
-            descriptor = self._native.described(port)
+            descriptor = self._open.described(port)
             if descriptor is None:
                 raise PortError(f"there is no port `{port}`")
             self._messages[port] = Message.of(descriptor)
@@ -390,23 +414,28 @@ class Run:
 
     def set(self, port, message=None, **fields):
         """Sets the unconnected input `PARTICIPANT.INPUT`: a message, or its fields by name. Fields that are not named are zero."""
-        self._native.set(port, self._payload(port, message, fields))
+        self._open.set(port, self._payload(port, message, fields))
 
     def log(self, participant):
         """The log of a participant so far, at least the newest 64 KiB of it."""
-        return self._native.log(participant)
+        return self._open.log(participant)
 
     def save(self):
         """Saves the state of all participants, in memory."""
-        return self._native.save()
+        return self._on(self._open.save)
 
     def restore(self, saved):
         """Restores a state that `save` returned."""
-        self._native.restore(saved)
+        restore = self._open.restore
+        if not isinstance(saved, _native.Saved):
+            raise RunError(f"{saved!r} is no state of a run: give what `save` returned")
+        self._on(restore, saved)
 
     def end(self):
         """Ends the run. Returns the run folder, or the outcome if there is no folder."""
-        told = self._native.end()
+        native = self._open
+        self._closed = _ENDED
+        told = native.end()
         folder = _concluded(told, self._interrupt)
         return folder if folder is not None else Outcome(told["summary"], told["logs"])
 
@@ -414,4 +443,6 @@ class Run:
         return self
 
     def __exit__(self, *_):
+        self._refuse_other_thread()
+        self._closed = _ENDED
         self._native.close()
