@@ -68,6 +68,11 @@ pub(crate) fn run(py: Python<'_>, failure: &RunFailure) -> PyErr {
     }
 }
 
+/// An option with a value that it cannot have.
+pub(crate) fn option(py: Python<'_>, message: &str) -> PyErr {
+    raise(py, "OptionError", message, &[])
+}
+
 /// A tape that cannot be read.
 pub(crate) fn tape(py: Python<'_>, message: &str) -> PyErr {
     raise(py, "TapeError", message, &[])

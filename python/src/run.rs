@@ -8,7 +8,7 @@ use engine::Progress;
 use engine::campaign::Figures;
 use engine::run::{self as engine_run, Checkpoint, Ending, Options, Outcome, Record, RunFailure};
 use lockstep::time::Rational;
-use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
+use pyo3::exceptions::{PyRuntimeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -55,12 +55,10 @@ pub(crate) struct How {
     resume_from: Option<String>,
 }
 
-fn time(text: &str) -> PyResult<Rational> {
-    text.parse().map_err(|error| {
-        PyValueError::new_err(format!(
-            "{text:?} is no time: {error}; write such as \"2.5 s\" or \"1/300 s\""
-        ))
-    })
+/// The time that `text`, the value of `option`, says.
+fn time(py: Python<'_>, option: &str, text: &str) -> PyResult<Rational> {
+    text.parse()
+        .map_err(|error| errors::option(py, &format!("{option}: {error}, or a number of seconds")))
 }
 
 impl How {
@@ -71,9 +69,8 @@ impl How {
             "digest" => Record::Digest,
             "nothing" => Record::Nothing,
             other => {
-                return Err(PyValueError::new_err(format!(
-                    "record={other:?}: write \"folder\", \"memory\", \"digest\" or \"nothing\""
-                )));
+                let reason = format!("record={other:?}: write \"folder\", \"memory\", \"digest\" or \"nothing\"");
+                return Err(errors::option(py, &reason));
             }
         };
         let origin = match &self.resume {
@@ -84,7 +81,8 @@ impl How {
                 tape::Reader::open(&folder.tape())
                     .and_then(|tape| tape.verify())
                     .map_err(|error| errors::tape(py, &format!("the run cannot be resumed: {error}")))?;
-                let from = self.resume_from.as_deref().map(time).transpose()?;
+                let from = self.resume_from.as_deref();
+                let from = from.map(|text| time(py, "at", text)).transpose()?;
                 let (checkpoint, left_out) = engine_run::checkpoint::Checkpoint::find(&folder.checkpoints(), from)
                     .map_err(|error| errors::run(py, &RunFailure::from(error)))?;
                 for error in left_out {
@@ -97,6 +95,7 @@ impl How {
                 })
             }
         };
+        let every = self.checkpoint_every.as_deref();
         Ok(Options {
             in_process: self.in_process,
             record,
@@ -105,11 +104,11 @@ impl How {
             progress: Progress::new(Teller::new(told, interrupt.0.clone())),
             interrupt: interrupt.0.clone(),
             pace: self.pace,
-            checkpoint_every: self.checkpoint_every.as_deref().map(time).transpose()?,
+            checkpoint_every: every.map(|text| time(py, "checkpoint_every", text)).transpose()?,
             checkpoint_at: self
                 .checkpoint_at
                 .iter()
-                .map(|text| time(text))
+                .map(|text| time(py, "checkpoint_at", text))
                 .collect::<PyResult<_>>()?,
             origin,
             patience_s: self.patience,
@@ -261,7 +260,7 @@ impl Run {
 
     /// Advances the run to the instant `to`.
     fn run_to(&mut self, py: Python<'_>, to: &str) -> PyResult<()> {
-        let to = time(to)?;
+        let to = time(py, "run_to", to)?;
         self.released(py, |run| run.run_to(to))
     }
 
@@ -311,16 +310,6 @@ impl Run {
     fn set(&mut self, py: Python<'_>, port: &str, payload: &[u8]) -> PyResult<()> {
         self.mine()?
             .set_bytes(port, payload)
-            .map_err(|failure| errors::run(py, &failure))
-    }
-
-    /// Sets an unconnected input by fields.
-    fn set_fields(&mut self, py: Python<'_>, port: &str, fields: Vec<(String, Vec<f64>)>) -> PyResult<()> {
-        let fields: Vec<(&str, &[f64])> = (fields.iter())
-            .map(|(name, values)| (name.as_str(), &values[..]))
-            .collect();
-        self.mine()?
-            .set_fields(port, &fields)
             .map_err(|failure| errors::run(py, &failure))
     }
 

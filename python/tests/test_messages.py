@@ -106,7 +106,7 @@ def test_named_values_truth_values_and_small_numbers_are_fields():
     again = other(phase="Dry")
     assert again.phase.name == "Dry" and again.phase == 250 and pickle.loads(pickle.dumps(report)) == report
     for value in (3, "Rinse"):
-        with pytest.raises(esc.MessageError, match="`phase` cannot be .*: it is one of Idle, Spray, Dry"):
+        with pytest.raises(esc.MessageError, match="`phase` of `Report` cannot be .*: it is one of Idle, Spray, Dry"):
             report.phase = value
     with pytest.raises(esc.MessageError, match="no value 0"):
         esc.Field(element=enum.IntEnum("Bad", [("one", 1)]))
@@ -121,12 +121,101 @@ def test_named_values_truth_values_and_small_numbers_are_fields():
         (lambda pose: setattr(pose, "p_NB_N", "here"), "`p_NB_N` of `Pose` cannot be"),
         (lambda pose: setattr(pose, "count", -1), "`count` of `Pose` cannot be -1"),
         (lambda pose: setattr(pose, "count", 0.5), "`count` of `Pose` cannot be 0.5"),
+        (lambda pose: setattr(pose, "count", 10**400), "`count` of `Pose` cannot be 1000"),
+        (lambda pose: setattr(pose, "count", [1, 2]), r"`count` of `Pose` has the shape \(\), and a value of the shape \(2,\)"),
         (lambda pose: Pose(speed=1), "has no field `speed`; it has `p_NB_N`"),
     ],
 )
 def test_wrong_values_are_refused_with_field_and_value(what, said):
     with pytest.raises(esc.MessageError, match=said):
         what(Pose())
+
+
+def test_misspelt_field_is_refused_with_the_fields_there_are():
+    fields = "`p_NB_N`, `R_NB`, `count`, `small`"
+    for wrong in ("cuont", "_count", "array", "fields"):
+        with pytest.raises(AttributeError, match=f"`Pose` has no field `{wrong}`; it has {fields}"):
+            setattr(Pose(), wrong, 1)
+
+    class Shown(Pose):
+        """A message may have properties of its own."""
+
+        @property
+        def half(self):
+            return self.count / 2
+
+        @half.setter
+        def half(self, value):
+            self.count = 2 * value
+
+    shown = Shown()
+    shown.half = 3
+    assert (shown.count, shown.half) == (6, 3.0)
+
+
+class Whole(esc.Message):
+    u64 = esc.Field(element="u64", shape=2)
+    i64 = esc.Field(element="i64", shape=2)
+    i32 = esc.Field(element="i32", shape=2)
+    real = esc.Field(shape=2)
+    u8 = esc.Field(element="u8", shape=(2, 2))
+    modes = esc.Field(element=Phase, shape=4)
+
+
+@pytest.mark.parametrize(
+    "field, value, said",
+    [
+        ("u8", [[0, 300], [1, 2]], "it takes whole numbers from 0 to 255, and its element 0, 1 is 300"),
+        ("u8", [[0, 1], [-1, 2]], "its element 1, 0 is -1"),
+        ("u8", 256, "and it is 256"),
+        ("u8", np.full((2, 2), 256), "its element 0, 0 is 256"),
+        ("i32", [1.7, 2.9], "whole numbers from -2147483648 to 2147483647, and its element 0 is 1.7"),
+        ("i32", [1, float("nan")], "its element 1 is nan"),
+        ("i32", np.array([1.0, np.nan]), "its element 1 is nan"),
+        ("i32", np.array([1.0, np.inf], np.float16), "its element 1 is inf"),
+        ("i32", [1, 2**31], "its element 1 is 2147483648"),
+        ("i32", np.array([0, 2**31], np.float32), "its element 1 is 2147483648"),
+        ("i32", [1, 1j], r"numbers without an imaginary part, and its element 1 is 1j"),
+        ("i64", np.array([0.0, 2.0**63]), "its element 1 is 9.2"),
+        ("i64", np.array([0, 2**63], np.uint64), "its element 1 is 9223372036854775808"),
+        ("u64", np.array([0, -1]), "its element 1 is -1"),
+        ("u64", [0, 2**64], "its element 1 is 18446744073709551616"),
+        ("real", np.array([0, 1j]), "numbers without an imaginary part"),
+        ("i32", ["1", "2"], "it takes numbers"),
+        ("real", ["1", "2"], "it takes numbers"),
+        ("i32", [None, 1], "cannot be"),
+        ("modes", [0, 1, 4, 250], "it is one of Idle, Spray, Dry"),
+        ("modes", np.array([0, 3, 4, 250], np.uint8), "it is one of Idle, Spray, Dry"),
+        ("modes", ["Idle", "Rinse", "Dry", "Dry"], "it is one of Idle, Spray, Dry"),
+    ],
+)
+def test_elements_that_numpy_would_change_are_refused(field, value, said):
+    whole = Whole()
+    with pytest.raises(esc.MessageError, match=f"`{field}` of `Whole` cannot be .*") as caught:
+        setattr(whole, field, value)
+    assert said in str(caught.value)
+    assert not any(bytes(whole))
+
+
+@pytest.mark.filterwarnings("error")
+def test_elements_that_can_be_represented_are_accepted():
+    whole = Whole()
+    for field, value, kept in [
+        ("u8", [[0, 255], [1.0, True]], [[0, 255], [1, 1]]),
+        ("u8", np.float32(7), [[7, 7], [7, 7]]),
+        ("i32", np.array([-(2.0**31), 2.0**31 - 1]), [-(2**31), 2**31 - 1]),
+        ("i32", np.array([1 + 0j, -2]), [1, -2]),
+        ("i32", np.array([3.0, -4.0], np.float16), [3, -4]),
+        ("i64", [2**53 + 1, 1.0], [2**53 + 1, 1]),
+        ("i64", np.array([-(2**63), 2**63 - 1]), [-(2**63), 2**63 - 1]),
+        ("u64", [2**64 - 1, 0], [2**64 - 1, 0]),
+        ("u64", np.array([2**53 + 1, 0], object), [2**53 + 1, 0]),
+        ("real", np.array([1, 2], np.uint8), [1.0, 2.0]),
+        ("modes", ["Dry", "Idle", "Spray", "Dry"], [250, 0, 4, 250]),
+        ("modes", Phase.Spray, [4] * 4),
+    ]:
+        setattr(whole, field, value)
+        assert getattr(whole, field).tolist() == kept
 
 
 def test_layouts_that_cannot_be_are_refused():

@@ -144,6 +144,46 @@ def test_array_of_the_wrong_shape_fails_with_name_instant_and_line(scenario):
     assert "Traceback" in error.run.log("tank") and "np.zeros(4)" in error.run.log("tank")
 
 
+def test_misspelt_field_fails_with_name_instant_and_line(scenario):
+    class Tank(esc.Participant):
+        level = esc.Output(Level)
+
+        def step(self, t, dt):
+            self.level.hieght = t
+
+    error = refused(scenario, Tank)
+    assert "`tank`: failed at t = 0 s" in str(error) and "`Level` has no field `hieght`; it has `height`, `parts`" in str(error)
+    assert "test_participants.py:" in str(error) and isinstance(error.__cause__, AttributeError)
+
+
+def test_exception_is_told_with_its_message_and_its_notes(scenario):
+    class Tank(esc.Participant):
+        level = esc.Output(Level)
+
+        def step(self, t, dt):
+            error = ValueError("the tank is \udc80 empty")
+            error.add_note("fill it")
+            error.add_note("or stop")
+            raise error
+
+    error = refused(scenario, Tank)
+    text, log = str(error), error.run.log("tank")
+    assert "ValueError: the tank is \\udc80 empty (" in text and "in step); fill it; or stop" in text
+    assert "the tank is \\udc80 empty" in log and "or stop" in log
+
+
+def test_log_line_that_is_not_unicode_is_escaped(scenario):
+    class Tank(esc.Participant):
+        level = esc.Output(Level)
+
+        def step(self, t, dt):
+            if t == 0.0:
+                self.log("the name \udc80 of a file")
+
+    log = esc.run(scenario(ALONE), participants={"tank": Tank}, in_process=True).log("tank")
+    assert log == "tank at t = 0 s: the name \\udc80 of a file\n"
+
+
 def test_value_that_is_not_finite_is_named(scenario):
     class Tank(esc.Participant):
         level = esc.Output(Level)

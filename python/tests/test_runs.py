@@ -377,6 +377,49 @@ def test_ctrl_c_ends_a_run_in_order(here, tmp_path):
     assert not errors
 
 
+HANGS = """
+import sys, time
+sys.path.insert(0, {examples!r})
+import escapement as esc
+import spring
+
+class Hangs(spring.Spring):
+    def step(self, t, dt):
+        print("hangs", flush=True)
+        while True:
+            time.sleep(0.01)
+
+try:
+    if {staged}:
+        with esc.Run({scenario!r}, participants={{"left": Hangs, "right": spring.Spring}}, in_process=True) as run:
+            run.step()
+    else:
+        esc.run({scenario!r}, participants={{"left": Hangs, "right": spring.Spring}}, in_process=True)
+except KeyboardInterrupt as interrupt:
+    print("interrupted:", interrupt)
+"""
+
+
+@pytest.mark.parametrize("staged", [False, True])
+def test_second_ctrl_c_ends_a_step_that_does_not_come_back(tmp_path, staged):
+    script = tmp_path / "script.py"
+    script.write_text(HANGS.format(examples=str(EXAMPLES), scenario=str(SPRING), staged=staged))
+    heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen([sys.executable, script], **pipes, text=True, cwd=tmp_path, preexec_fn=heard)
+    try:
+        assert process.stdout.readline() == "hangs\n"
+        process.send_signal(signal.SIGINT)
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(timeout=0.5)
+        process.send_signal(signal.SIGINT)
+        out, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, errors
+    assert out.startswith("interrupted: ") and "participant `left`: failed at t = 0 s" in out and "KeyboardInterrupt" in out
+
+
 def test_file_that_starts_a_run_when_it_is_imported_is_told_so(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
@@ -401,6 +444,16 @@ def test_progress_is_told():
     told = []
     esc.run(SPRING, participants=BOTH, progress=lambda what, value: told.append(what))
     assert told[0] == "begun" and told[-1] == "over" and "time" in told
+
+
+def test_figures_are_those_of_the_scenario_alone():
+    short = {"duration": "0.5 s", "measures.apart.from": "0 s"}
+    run = esc.run(SPRING, participants=BOTH, set=short)
+    paced = esc.run(SPRING, participants=BOTH, set=short, pace=1000.0)
+    assert "pace" in paced.summary and paced.figures == run.figures
+    # The entries of a run with `--trace`, and of one whose tape has only a part of its samples.
+    summary = {**run.summary, "trace": {"file": "trace.json"}, "tape_has_only": {"left.motion": 1}}
+    assert esc.Outcome(summary).figures == run.figures
 
 
 def test_report_is_one_page(tmp_path):

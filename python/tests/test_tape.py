@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 
 import numpy as np
 import pytest
@@ -59,6 +60,17 @@ def test_tables_have_units(run):
     dataset = run.to_xarray()["right.motion"]
     assert dataset.position.attrs == {"units": "m", "frame": "N"} and dataset.t.attrs == {"units": "s"}
     assert float(dataset.position.sel(t=0.5)) == run["right.motion"].position[200]
+
+
+def test_package_that_is_missing_is_named_with_its_remedy(run, monkeypatch):
+    for name, call in [
+        ("pandas", lambda: run.to_pandas("left.motion")),
+        ("xarray", lambda: run.to_xarray()),
+        ("pandas", lambda: esc.sweep(SPRING, {"seed": [1]})),
+    ]:
+        monkeypatch.setitem(sys.modules, name, None)
+        with pytest.raises(esc.EscapementError, match=f"needs the package {name}, which is not installed: pip install {name}"):
+            call()
 
 
 def test_vectors_and_pictures_keep_their_shapes(tmp_path):

@@ -9,6 +9,8 @@ import pandas
 import xarray
 
 _Path = str | PathLike[str]
+# Such as "2.5 s", or a number of seconds.
+_Time = str | float
 # The keys of an entry of [[faults]], or a text in the syntax of `--fault`.
 _Fault = str | Mapping[str, Any]
 _Told = Callable[[str, Any], object]
@@ -219,14 +221,14 @@ class Run:
         force: bool = False,
         record: Literal["folder", "memory", "digest", "nothing"] | None = None,
         pace: float | None = None,
-        patience: float = 60.0,
+        patience: _Time | None = None,
         progress: bool | _Told | None = False,
     ) -> None: ...
     @property
     def now(self) -> float: ...
     @property
     def is_over(self) -> bool: ...
-    def run_to(self, time: str | float) -> None: ...
+    def run_to(self, time: _Time) -> None: ...
     def step(self) -> None: ...
     def newest(self, port: str) -> Sample: ...
     def run_before(self, participant: str) -> bool: ...
@@ -252,9 +254,9 @@ def run(
     force: bool = False,
     record: Literal["folder"] = "folder",
     pace: float | None = None,
-    checkpoint_every: str | None = None,
-    checkpoint_at: str | Iterable[str] = (),
-    patience: float = 60.0,
+    checkpoint_every: _Time | None = None,
+    checkpoint_at: _Time | Iterable[_Time] = (),
+    patience: _Time | None = None,
     progress: bool | _Told | None = None,
 ) -> RunFolder: ...
 @overload
@@ -269,23 +271,23 @@ def run(
     force: bool = False,
     record: Literal["memory", "digest", "nothing"],
     pace: float | None = None,
-    checkpoint_every: str | None = None,
-    checkpoint_at: str | Iterable[str] = (),
-    patience: float = 60.0,
+    checkpoint_every: _Time | None = None,
+    checkpoint_at: _Time | Iterable[_Time] = (),
+    patience: _Time | None = None,
     progress: bool | _Told | None = None,
 ) -> Outcome: ...
 def resume(
     run: RunFolder | _Path,
     *,
-    at: str | None = None,
+    at: _Time | None = None,
     set: Mapping[str, Any] | None = None,
     participants: Mapping[str, type[Participant] | str] | None = None,
     in_process: bool | None = None,
     out: _Path | None = None,
     force: bool = False,
-    checkpoint_every: str | None = None,
-    checkpoint_at: str | Iterable[str] = (),
-    patience: float = 60.0,
+    checkpoint_every: _Time | None = None,
+    checkpoint_at: _Time | Iterable[_Time] = (),
+    patience: _Time | None = None,
     progress: bool | _Told | None = None,
 ) -> RunFolder: ...
 def sweep(

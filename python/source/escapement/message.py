@@ -5,6 +5,7 @@ import operator
 import re
 
 import numpy as np
+from numpy import ndarray
 
 from .errors import MessageError
 
@@ -25,6 +26,8 @@ ELEMENTS = {
 }
 # A text or bytes with their capacity: `text[64]`, `bytes[256]`.
 _CONTENT = re.compile(r"(text|bytes)\[([1-9][0-9]{0,6})\]")
+# The attributes of a message that are not fields.
+_RESERVED = ("fields", "dtype", "descriptor", "array")
 # The separator between the names of values in a text.
 _SEPARATORS = "|,="
 
@@ -93,117 +96,190 @@ def _read(value):
     return value.decode() if isinstance(value, bytes) else value["data"][: int(value["length"])].tobytes()
 
 
-def _written(message, name, field, value):
-    """The element of numpy for a `str` or `bytes`: all of it, or an error."""
-    text = field.element.startswith("text")
-    if not isinstance(value, str if text else (bytes, bytearray, memoryview)):
-        raise _refused(message, name, value, f"it is {field.element}, which takes {'a str' if text else 'bytes'}")
-    content = value.encode() if text else bytes(value)
-    if len(content) > field.room:
-        raise _refused(message, name, value, f"it has {len(content)} bytes, and there is room for {field.room}")
-    if not text:
-        return (len(content), np.frombuffer(content.ljust(field.room, b"\0"), np.uint8))
-    if b"\0" in content:
-        raise _refused(message, name, value, "there is a zero in it, which ends a text")
-    return content
+class _Content:
+    """The memory of a text or bytes field: takes a `str` or `bytes`; for several elements a list of them."""
+
+    __slots__ = ("array", "name", "field")
+
+    def __init__(self, array, name, field):
+        self.array, self.name, self.field = array, name, field
+
+    def put(self, value):
+        field = self.field
+        if not field.shape:
+            self.array[self.name] = self._element(value)
+            return
+        count = int(np.prod(field.shape))
+        if isinstance(value, (str, bytes)) or len(value) != count:
+            raise ValueError(f"it takes a list of {count}")
+        elements = np.array([self._element(one) for one in value], _type_of(field.element))
+        self.array[self.name] = elements.reshape(field.shape)
+
+    def _element(self, value):
+        """The element of numpy for a `str` or `bytes`: all of it, or an error."""
+        element, room = self.field.element, self.field.room
+        text = element.startswith("text")
+        if not isinstance(value, str if text else (bytes, bytearray, memoryview)):
+            raise TypeError(f"it is {element}, which takes {'a str' if text else 'bytes'}")
+        content = value.encode() if text else bytes(value)
+        if len(content) > room:
+            raise ValueError(f"it has {len(content)} bytes, and there is room for {room}")
+        if not text:
+            return (len(content), np.frombuffer(content.ljust(room, b"\0"), np.uint8))
+        if b"\0" in content:
+            raise ValueError("there is a zero in it, which ends a text")
+        return content
+
+
+class _Member:
+    """The memory of an enumeration with one element: takes a member, its name or its number."""
+
+    __slots__ = ("view", "at", "values")
+
+    def __init__(self, view, at, values):
+        self.view, self.at, self.values = view, at, values
+
+    def put(self, value):
+        self.view[self.at] = _member(self.values, value)
+
+
+class _Elements:
+    """The memory of a field with several elements, into which an assigned value is copied."""
+
+    __slots__ = ("view", "shape", "dtype", "values")
+
+    def __init__(self, view, values):
+        self.view, self.shape, self.dtype, self.values = view, view.shape, view.dtype, values
+
+    def put(self, value):
+        array = value if type(value) is ndarray else np.asarray(value)
+        if array.shape != self.shape and array.shape:
+            # The caller states both shapes.
+            raise ValueError("it has another shape")
+        if self.values is not None:
+            array = _members(array, self.values)
+        elif array.dtype is not self.dtype:
+            if array is not value and array.dtype.kind == "f" and self.dtype.kind in "iu":
+                # A list of integers and floats: as doubles the integers would lose bits.
+                array = np.asarray(value, object)
+            array = _exact(array, self.dtype)
+        self.view[...] = array
+
+
+def _members(array, values):
+    """The numbers of the members in `array`: members, numbers or names."""
+    numbers = [int(_member(values, one)) for one in array.reshape(-1).tolist()]
+    return np.array(numbers, np.uint8).reshape(array.shape)
+
+
+def _exact(array, dtype):
+    """`array` for elements of `dtype`. Numpy would truncate or wrap what an integer cannot represent: that is an error."""
+    kind = array.dtype.kind
+    if kind in "iu":
+        # The usual case, and the fast one.
+        cast = array.astype(dtype)
+        if 0 not in (cast == array).tobytes():
+            return cast
+    if kind not in "biufcO":
+        raise TypeError("it takes numbers")
+    if kind == "c":
+        _refuse_where(array.imag != 0, array, "numbers without an imaginary part")
+        return _exact(array.real, dtype)
+    if dtype.kind not in "iu" or kind == "b":
+        return array
+    if array.dtype == np.float16:
+        # It has no room for the limits.
+        array = array.astype(float)
+    limits = np.iinfo(dtype)
+    takes = f"whole numbers from {limits.min} to {limits.max}"
+    # As floats, one more than the maximum is exact and the maximum may not be.
+    with np.errstate(invalid="ignore"):
+        below = array < float(limits.max + 1) if kind == "f" else array <= limits.max
+        inside = (array >= limits.min) & below
+    _refuse_where(~inside, array, takes)
+    if kind == "f":
+        _refuse_where(array != np.floor(array), array, takes)
+    if kind == "O":
+        numbers = np.array([int(one) for one in array.reshape(-1)], dtype).reshape(array.shape)
+        _refuse_where(numbers != array, array, takes)
+        return numbers
+    return array
+
+
+def _refuse_where(wrong, array, takes):
+    """An error that names the first element that is `wrong`."""
+    if np.any(wrong):
+        at = np.unravel_index(np.argmax(wrong), array.shape)
+        place = f"its element {', '.join(str(index) for index in at)}" if at else "it"
+        raise ValueError(f"it takes {takes}, and {place} is {array[at]}")
+
+
+def _member(cls, value):
+    """The member of an enumeration that `value` is: itself, its name or its number."""
+    try:
+        return cls[value] if isinstance(value, str) else cls(value)
+    except (KeyError, ValueError):
+        raise ValueError(f"it is one of {', '.join(member.name for member in cls)}") from None
+
+
+def _property(name, view, at, field):
+    """The property that reads a field. `Message.__setattr__` writes it."""
+    if field.room:
+        return property(_content(name, field))
+    if field.shape:
+        # A numpy view that is created once.
+        return property(operator.attrgetter(view))
+    return property(_named(view, at, field.values) if field.values else _scalar(view, at))
 
 
 def _content(name, field):
-    """The property of a text or bytes field: a `str` or `bytes`; for several elements a tuple of them."""
+    """Reads a text or bytes field: a `str` or `bytes`; for several elements a tuple of them."""
 
     def get(message):
         value = message.array[name]
         return tuple(_read(one) for one in value.reshape(-1)) if field.shape else _read(value[()])
 
-    def put(message, value):
-        if field.shape:
-            count = int(np.prod(field.shape))
-            if isinstance(value, (str, bytes)) or len(value) != count:
-                raise _refused(message, name, value, f"it takes a list of {count}")
-            value = np.array([_written(message, name, field, one) for one in value], _type_of(field.element)).reshape(field.shape)
-        else:
-            value = _written(message, name, field, value)
-        try:
-            message.array[name] = value
-        except ValueError as error:
-            raise _refused(message, name, value, error) from None
-
-    return property(get, put)
+    return get
 
 
-def _member(cls, name, value):
-    """The member of an enumeration that `value` is: itself, its name or its number."""
-    try:
-        return cls[value] if isinstance(value, str) else cls(value)
-    except (KeyError, ValueError):
-        known = ", ".join(member.name for member in cls)
-        raise MessageError(f"`{name}` cannot be {value!r}: it is one of {known}") from None
-
-
-def _named(name, view, at, cls):
-    """The property of an enumeration: a member of its class. It can also be set by name."""
+def _named(view, at, cls):
+    """Reads an enumeration: a member of its class."""
     members = {int(member): member for member in cls}
 
     def get(message):
         return members[getattr(message, view)[at]]
 
-    def put(message, value):
-        try:
-            getattr(message, view)[at] = _member(cls, name, value)
-        except TypeError as error:
-            raise _refused(message, name, value, error) from None
-
-    return property(get, put)
+    return get
 
 
-def _property(name, view, at, field):
-    if field.room:
-        return _content(name, field)
-    if field.shape:
-        return _array(name, view, field.shape)
-    return _named(name, view, at, field.values) if field.values else _scalar(name, view, at)
-
-
-def _scalar(name, view, at):
-    """The property of a field with one element: a Python number, read from and written to the memory."""
-
-    # Both are on the hot path of every step, so their constants are bound into them.
+def _scalar(view, at):
+    """Reads a field with one element: a Python number."""
+    # On the hot path of every step, so the constants are bound into it.
     made = {}
-    exec(f"def get(message):\n    return message.{view}[{at}]\ndef fill(message, value):\n    message.{view}[{at}] = value", made)
-    fill = made["fill"]
-
-    def put(message, value):
-        try:
-            fill(message, value)
-        except (TypeError, ValueError) as error:
-            raise _refused(message, name, value, error) from None
-
-    return property(made["get"], put)
-
-
-def _array(name, view, shape):
-    """The property of a field with several elements: a numpy view that is created once. An assigned value is copied into it."""
-
-    def put(message, value):
-        if type(value) is not np.ndarray:
-            value = np.asarray(value)
-        if value.shape != shape and value.shape:
-            raise MessageError(
-                f"`{name}` of `{type(message).__name__}` has the shape {shape}, and a value of the shape {value.shape} was given"
-            )
-        try:
-            getattr(message, view)[...] = value
-        except (TypeError, ValueError) as error:
-            raise _refused(message, name, value, error) from None
-
-    return property(operator.attrgetter(view), put)
+    exec(f"def get(message):\n    return message.{view}[{at}]", made)
+    return made["get"]
 
 
 def _refused(message, name, value, error):
     kind = type(message).__name__
     if message._bytes_view.readonly:
         return MessageError(f"`{name}` of `{kind}` belongs to an input, which is read only: write to an output")
+    shape, given = message.fields[name].shape, _shape_of(value)
+    if given and given != shape and not message.fields[name].room:
+        return MessageError(f"`{name}` of `{kind}` has the shape {shape}, and a value of the shape {given} was given")
     return MessageError(f"`{name}` of `{kind}` cannot be {value!r}: {error}")
+
+
+def _shape_of(value):
+    """The shape of a value; `()` for one that has none, such as lists of different lengths."""
+    try:
+        return np.shape(value)
+    except (TypeError, ValueError):
+        return ()
+
+
+def _can_be_attribute(name):
+    return name.isidentifier() and name not in _RESERVED and not name.startswith("_")
 
 
 class Message:
@@ -220,7 +296,7 @@ class Message:
     fields = {}
     dtype = np.dtype([])
     descriptor = {"name": "Message", "size": 0, "fields": []}
-    _views = ()
+    _places = ()
 
     def __init_subclass__(cls, name=None, **others):
         super().__init_subclass__(**others)
@@ -237,7 +313,7 @@ class Message:
 
     @classmethod
     def _lay_out(cls, name, own):
-        taken = [key for key in own if key in ("fields", "dtype", "descriptor", "array") or key.startswith("_")]
+        taken = [key for key in own if not _can_be_attribute(key)]
         if taken:
             raise MessageError(f"`{cls.__name__}`: a field cannot be called `{taken[0]}`; make the message with `Message.of`")
         cls._describe(name, [(key, field) for key, field in own.items()])
@@ -288,7 +364,7 @@ class Message:
         ]
         made._describe(descriptor["name"], own)
         for view, key, at, field in made._places:
-            if key.isidentifier() and key not in ("fields", "dtype", "descriptor", "array") and not key.startswith("_"):
+            if _can_be_attribute(key):
                 setattr(made, key, _property(key, view, at, field))
         return made
 
@@ -296,47 +372,82 @@ class Message:
         self._open(False)
         for key, value in values.items():
             if key not in self.fields:
-                known = ", ".join(f"`{name}`" for name in self.fields)
-                raise MessageError(f"`{type(self).__name__}` has no field `{key}`; it has {known}")
+                raise MessageError(self._no_field(key))
             self[key] = value
 
     def _open(self, read_only):
         """Allocates the memory, and creates each view of it once. Views of an input are read-only."""
         size = self.dtype.itemsize
         # Casts need whole elements of every type.
-        self._memory = np.zeros(-(-size // 8) * 8, np.uint8)
-        array = self._memory[:size].view(self.dtype)[0:1].reshape(())
-        view = memoryview(self._memory)
+        memory = np.zeros(-(-size // 8) * 8, np.uint8)
+        #: The whole payload as a structured array without dimensions.
+        array = memory[:size].view(self.dtype)[0:1].reshape(())
+        view = memoryview(memory)
         if read_only:
             array.flags.writeable = False
             view = view.toreadonly()
-        #: The whole payload as a structured array without dimensions.
-        self.array = array
-        self._bytes_view = view
-        for name, key, _, field in self._places:
+        views, items = {}, {}
+        for name, key, at, field in self._places:
             if field.room:
-                continue
-            if field.shape:
-                setattr(self, name, array[key])
-            elif not hasattr(self, name):
-                setattr(self, name, view.cast(ELEMENTS[field.element][1]))
+                items[key] = (_Content(array, key, field), None)
+            elif field.shape:
+                views[name] = array[key]
+                items[key] = (_Elements(array[key], field.values), None)
+            else:
+                if name not in views:
+                    views[name] = view.cast(ELEMENTS[field.element][1])
+                items[key] = (_Member(views[name], at, field.values), None) if field.values else (views[name], at)
+        # Where an assigned value goes: for a number the memory and the index, otherwise what puts it there. Of every field, and of those
+        # that are attributes.
+        attributes = {key: place for key, place in items.items() if _can_be_attribute(key)}
+        own = {"_memory": memory, "array": array, "_bytes_view": view, "_items": items, "_attributes": attributes}
+        # Not by way of `__dict__`, which would make every later access to them slower.
+        for key, value in {**own, **views}.items():
+            object.__setattr__(self, key, value)
+
+    def __setattr__(self, name, value):
+        # On the hot path of every step: for a number, one look-up and one write into the memory.
+        try:
+            place, at = self._attributes[name]
+        except KeyError:
+            self._put_other(name, value)
+            return
+        try:
+            if at is None:
+                place.put(value)
+            else:
+                place[at] = value
+        except (TypeError, ValueError, OverflowError) as error:
+            raise _refused(self, name, value, error) from None
+
+    def _put_other(self, name, value):
+        """Writes an attribute that a subclass defines; anything else is a mistake, such as a misspelt field."""
+        if not hasattr(getattr(type(self), name, None), "__set__") or name in self.fields:
+            raise AttributeError(self._no_field(name)) from None
+        object.__setattr__(self, name, value)
+
+    def _no_field(self, name):
+        return f"`{type(self).__name__}` has no field `{name}`; it has {', '.join(f'`{one}`' for one in self.fields)}"
 
     def __getitem__(self, key):
         if key not in self.fields:
             raise KeyError(key)
         value, field = self.array[key], self.fields[key]
         if field.room:
-            return _content(key, field).fget(self)
+            return _content(key, field)(self)
         if field.shape:
             return value
         return field.values(value.item()) if field.values else value.item()
 
     def __setitem__(self, key, value):
-        for view, name, at, field in self._places:
-            if name == key:
-                _property(key, view, at, field).fset(self, value)
-                return
-        raise KeyError(key)
+        place, at = self._items[key]
+        try:
+            if at is None:
+                place.put(value)
+            else:
+                place[at] = value
+        except (TypeError, ValueError, OverflowError) as error:
+            raise _refused(self, key, value, error) from None
 
     def _memory_of(self, key):
         """The memory of a field as an array, also for a field of one element."""

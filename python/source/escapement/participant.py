@@ -1,5 +1,6 @@
 """Participants: models that own their state and exchange messages through ports."""
 
+import inspect
 import io
 import json
 import operator
@@ -76,6 +77,17 @@ def _guarded(name, what):
     return property(operator.attrgetter(f"_esc_at_{name}"), put)
 
 
+def _refuse_taken(cls, key, value):
+    """A port or a parameter would hide a member of every participant: the host would call a message as `save`."""
+    if hasattr(Participant, key) or key.startswith("_esc_"):
+        what = "parameter" if isinstance(value, _Parameter) else "input" if value.is_input else "output"
+        other = "key" if what == "parameter" else "name"
+        raise EscapementError(
+            f"`{cls.__name__}`: its {what} `{key}` would hide `{key}` of every participant: call the attribute otherwise, and the {what} "
+            f"by {other}={key!r}"
+        )
+
+
 class Participant:
     """The base of participants in Python:
 
@@ -99,6 +111,8 @@ class Participant:
         super().__init_subclass__(**others)
         ports, parameters = dict(cls._esc_ports), dict(cls._esc_parameters)
         for key, value in list(vars(cls).items()):
+            if isinstance(value, (_Port, _Parameter)):
+                _refuse_taken(cls, key, value)
             if isinstance(value, _Port):
                 value.name = value.name or key
                 ports[key] = value
@@ -159,7 +173,7 @@ class Participant:
             # The participant is not part of a run.
             print(f"{self.name}: {text}", file=sys.stderr)
         else:
-            self._esc_lines.write(str(text))
+            self._esc_lines.write(_encodable(str(text)))
 
     def uniform(self, stream, index):
         """A number in [0, 1): the same in every run with this seed, independently of earlier samples."""
@@ -216,9 +230,17 @@ class Participant:
 
     def _esc_save(self):
         state = self.save()
-        if state is None:
-            raise EscapementError(f"`save` of `{type(self).__name__}` returned None: return bytes")
-        return bytes(state)
+        try:
+            # Not `bytes(state)`, which makes zeros of a number and bytes of a list.
+            view = memoryview(state)
+        except TypeError:
+            view = None
+        if view is None or "O" in view.format:
+            raise EscapementError(
+                f"`save` of `{type(self).__name__}` returned {_article(type(state).__name__)}, not the state as bytes: return bytes, such as "
+                "pickle.dumps(…) or array.tobytes()"
+            )
+        return view.tobytes()
 
     def _esc_restore(self, state):
         self.restore(state)
@@ -261,11 +283,25 @@ def _declared(cls):
         raise EscapementError(f"{cls!r} is no participant: give a subclass of escapement.Participant")
     if cls.step is Participant.step:
         raise EscapementError(f"`{cls.__name__}` has no step: define step(self, t, dt)")
+    for name in ("initialise", "step", "terminate", "save", "restore"):
+        _refuse_unfinished(cls, name)
     if cls.kind not in ("sampled", "continuous"):
         raise EscapementError(f"the kind of `{cls.__name__}` is {cls.kind!r}: write \"sampled\" or \"continuous\"")
     return [
         _Key(one.key, one.unit, one.default is _MISSING, one.count or 0) for one in cls._esc_parameters.values()
     ]
+
+
+def _refuse_unfinished(cls, name):
+    """A call of such a function only creates an object, which nobody runs."""
+    function = inspect.unwrap(getattr(cls, name))
+    for is_so, what in (
+        (inspect.iscoroutinefunction, "is declared with `async`"),
+        (inspect.isgeneratorfunction, "has a `yield` in it"),
+        (inspect.isasyncgenfunction, "is declared with `async`"),
+    ):
+        if is_so(function):
+            raise EscapementError(f"`{name}` of `{cls.__name__}` {what}, so that a call would not run it: make it an ordinary function")
 
 
 class _Key:
@@ -297,15 +333,30 @@ def _memory(participant):
     return [memory for port, memory in all_of if port.is_input], [memory for port, memory in all_of if not port.is_input]
 
 
+def _article(name):
+    return name if name == "NoneType" else f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
+
+
 def _short(error):
-    """An exception in one line, with the place in the user's own code."""
-    said = traceback.format_exception_only(type(error), error)[-1].strip()
+    """An exception in one line, with the place in the user's own code and its notes."""
+    told = traceback.TracebackException(type(error), error, None)
+    # The last line is the message only where the notes do not follow it.
+    told.__notes__ = None
+    said = list(told.format_exception_only())[-1].strip()
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if not frame.filename.startswith(_OWN)]
-    if not own:
-        return said if not isinstance(error, EscapementError) else str(error)
-    last = own[-1]
-    return f"{said} ({last.filename}:{last.lineno}, in {last.name})"
+    if own:
+        said = f"{said} ({own[-1].filename}:{own[-1].lineno}, in {own[-1].name})"
+    elif isinstance(error, EscapementError):
+        said = str(error)
+    notes = getattr(error, "__notes__", None)
+    noted = [str(note) for note in notes] if isinstance(notes, (list, tuple)) else []
+    return _encodable("; ".join([said, *noted]))
+
+
+def _encodable(text):
+    """`text` for Rust and for files: what is not valid Unicode is escaped."""
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def _log_traceback(error):

@@ -1,22 +1,29 @@
 """Runs: executed to their end at once, or advanced from pause to pause."""
 
+import numbers
 import os
 import signal
 import sys
 import threading
 import time
 import warnings
+from collections.abc import Iterable
 from types import SimpleNamespace
 
 import numpy as np
 
 from . import _native, _program, participant as _participant
-from .errors import EscapementError, MessageError, PortError, RunError, ScenarioWarning
+from .errors import EscapementError, MessageError, OptionError, PortError, RunError, ScenarioWarning
 from .message import Message
 from .scenarios import Scenario, _listed
 from .tape import RunFolder
 
 _LINE_EVERY = 0.1
+# The time that a participant in a separate process has for an activation, s.
+_PATIENCE = 60.0
+# Why a `Run` takes no call.
+_ENDED = "the run has ended: start another one"
+_GOES_ON = "a call of this run goes on, in which a participant or the progress function called the run: call it between its steps"
 
 
 class _Progress:
@@ -80,19 +87,69 @@ class _Interruptible:
 
 
 def _how(in_process, record, out, force, pace, checkpoint_every, checkpoint_at, patience, resume=None, resume_from=None):
-    times = [checkpoint_at] if isinstance(checkpoint_at, str) else list(checkpoint_at)
+    several = isinstance(checkpoint_at, Iterable) and not isinstance(checkpoint_at, str) and np.ndim(checkpoint_at) > 0
+    times = list(checkpoint_at) if several else [checkpoint_at]
+    if patience is not None and in_process:
+        warnings.warn(
+            f"patience={patience!r} has no effect on a run in one process, where a step that does not come back cannot be ended: run its "
+            "participants in processes",
+            ScenarioWarning,
+            stacklevel=3,
+        )
     return SimpleNamespace(
-        in_process=in_process,
+        in_process=bool(in_process),
         record=record,
-        out=None if out is None else os.fspath(out),
-        force=force,
-        pace=None if not pace else float(pace),
-        checkpoint_every=checkpoint_every,
-        checkpoint_at=times,
-        patience=float(patience),
+        out=None if out is None else _path("out", out),
+        force=bool(force),
+        pace=None if not pace else _pace(pace),
+        checkpoint_every=None if checkpoint_every is None else _time("checkpoint_every", checkpoint_every),
+        checkpoint_at=[_time("checkpoint_at", time) for time in times],
+        patience=_PATIENCE if patience is None else _patience(patience),
         resume=resume,
-        resume_from=resume_from,
+        resume_from=None if resume_from is None else _time("at", resume_from),
     )
+
+
+def _path(option, value):
+    try:
+        return os.fspath(value)
+    except TypeError:
+        raise OptionError(f"{option}={value!r} is no path: give a text or a pathlib.Path") from None
+
+
+def _is_within(folder, other):
+    """Whether `folder` is `other` or in it, also by way of links."""
+    folder, other = os.path.realpath(folder), os.path.realpath(other)
+    return os.path.commonpath([folder, other]) == other
+
+
+def _time(option, value):
+    """A time for the native module, which reads it exactly: a text such as "2.5 s", or a number of seconds."""
+    if np.ndim(value) == 0 and hasattr(value, "item"):
+        # Of numpy, whose `repr` names its type.
+        value = value.item()
+    text = value
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        text = f"{value} s" if isinstance(value, numbers.Rational) else f"{float(value)!r} s"
+    if not isinstance(text, str):
+        raise OptionError(f'{option}={value!r} is no time: write such as "2.5 s" or "1/300 s", or a number of seconds')
+    return text
+
+
+def _patience(value):
+    """A number of seconds."""
+    try:
+        (seconds,) = _native.convert(value, "s") if isinstance(value, str) else (float(value),)
+    except (TypeError, ValueError) as error:
+        raise OptionError(f'patience={value!r} is no time: {error}; write such as "30 s", or a number of seconds') from None
+    return seconds
+
+
+def _pace(value):
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise OptionError(f"pace={value!r} is no number: give simulated seconds per second") from None
 
 
 def _scenario(scenario, set, participants, faults=()):
@@ -134,13 +191,16 @@ def _refuse_without_file(scenario):
             )
 
 
-def _concluded(told):
+def _concluded(told, interrupt):
     """The result of a run; raises if the run did not reach its end."""
     folder = RunFolder(told["folder"]) if told["folder"] else None
     if told["status"] == "failed":
         cause = told["cause"]
         if folder is not None and cause is not None:
             _keep_in_log(folder, told["participant"], cause)
+        if interrupt.asked():
+            # A second Ctrl-C is raised where the interpreter is: in a step, which then fails.
+            raise KeyboardInterrupt(told["words"]) from cause
         raise RunError(told["words"], participant=told["participant"], run=folder) from cause
     if told["status"] == "stopped" and told["words"].startswith("interrupted"):
         raise KeyboardInterrupt(told["words"])
@@ -150,7 +210,7 @@ def _concluded(told):
 def _keep_in_log(folder, name, cause):
     log = os.path.join(folder.folder, "log")
     os.makedirs(log, exist_ok=True)
-    with open(os.path.join(log, f"{name}.stderr"), "a", encoding="utf-8") as file:
+    with open(os.path.join(log, f"{name}.stderr"), "a", encoding="utf-8", errors="backslashreplace") as file:
         file.write(_participant.traceback_text(cause))
 
 
@@ -183,7 +243,7 @@ def run(
     pace=None,
     checkpoint_every=None,
     checkpoint_at=(),
-    patience=60.0,
+    patience=None,
     progress=None,
 ):
     """Runs a scenario to its end and returns its run folder.
@@ -203,9 +263,11 @@ def run(
 
 
 def resume(run, *, at=None, set=None, participants=None, in_process=None, out=None, force=False, checkpoint_every=None,
-           checkpoint_at=(), patience=60.0, progress=None):
+           checkpoint_at=(), patience=None, progress=None):
     """Continues from a checkpoint of a run, the newest one or the newest at or before `at`, in a separate folder."""
-    folder = os.path.abspath(os.fspath(getattr(run, "folder", run)))
+    folder = os.path.abspath(_path("run", getattr(run, "folder", run)))
+    if force and out is not None and _is_within(folder, _path("out", out)):
+        raise OptionError(f"out={os.fspath(out)!r}: it has the run that is resumed, which force=True would take away; name another folder")
     scenario = Scenario(os.path.join(folder, "plan.toml"), set=set, participants=participants)
     here = _place(scenario, in_process)
     how = _how(here, "folder", out, force, None, checkpoint_every, checkpoint_at, patience, folder, at)
@@ -215,10 +277,20 @@ def resume(run, *, at=None, set=None, participants=None, in_process=None, out=No
 def _run(scenario, how, progress):
     interrupt = _native.Interrupt()
     line = progress if callable(progress) else _Progress(progress)
-    with _Interruptible(interrupt):
-        told = _native.run(scenario._native, how, line, interrupt)
-    folder = _concluded(told)
+    told = _interruptible(interrupt, _native.run, scenario._native, how, line, interrupt)
+    folder = _concluded(told, interrupt)
     return folder if folder is not None else Outcome(told["summary"], told["logs"])
+
+
+def _interruptible(interrupt, go, *arguments):
+    """Calls `go`; an error because of Ctrl-C is a KeyboardInterrupt."""
+    with _Interruptible(interrupt):
+        try:
+            return go(*arguments)
+        except RunError as error:
+            if interrupt.asked():
+                raise KeyboardInterrupt(str(error)) from error.__cause__
+            raise
 
 
 class Sample:
@@ -247,7 +319,7 @@ class Run:
     """
 
     def __init__(self, scenario, *, set=None, participants=None, faults=(), in_process=None, out=None, force=False, record=None,
-                 pace=None, patience=60.0, progress=False):
+                 pace=None, patience=None, progress=False):
         self.scenario = _scenario(scenario, set, participants, faults)
         here = _place(self.scenario, in_process)
         if record is None:
@@ -256,32 +328,44 @@ class Run:
         self._interrupt = _native.Interrupt()
         self._messages = {}
         line = progress if callable(progress) else _Progress(progress)
+        # Why it takes no call at present: a call of its own goes on, or it has ended.
+        self._closed = None
+        self._thread = threading.get_ident()
         self._native = _native.Run(self.scenario._native, how, line, self._interrupt)
 
-    now = property(lambda self: self._native.now, doc="Everybody has done exactly the activations before this instant, s.")
-    is_over = property(lambda self: self._native.is_over, doc="Whether nothing more happens.")
+    now = property(lambda self: self._open.now, doc="Everybody has done exactly the activations before this instant, s.")
+    is_over = property(lambda self: self._open.is_over, doc="Whether nothing more happens.")
+
+    @property
+    def _open(self):
+        """The run in the native module, if it can take a call."""
+        self._refuse_other_thread()
+        if self._closed is not None:
+            raise RunError(self._closed)
+        return self._native
+
+    def _refuse_other_thread(self):
+        if threading.get_ident() != self._thread:
+            raise RunError("a run belongs to the thread that started it: call it there, or start one in each thread")
 
     def run_to(self, time):
         """Advances the run to `time`, a text such as "2.5 s" or a number of seconds, and pauses it there."""
-        text = time if isinstance(time, str) else f"{time!r} s"
-        self._on(self._native.run_to, text)
+        self._on(self._open.run_to, _time("run_to", time))
 
     def step(self):
         """Advances the run to the next communication point."""
-        self._on(self._native.step)
+        self._on(self._open.step)
 
     def _on(self, go, *to):
-        with _Interruptible(self._interrupt):
-            try:
-                go(*to)
-            except RunError:
-                if self._interrupt.asked():
-                    raise KeyboardInterrupt from None
-                raise
+        self._closed = _GOES_ON
+        try:
+            return _interruptible(self._interrupt, go, *to)
+        finally:
+            self._closed = None
 
     def newest(self, port):
         """The newest sample of `PARTICIPANT.OUTPUT`."""
-        index, t, payload = self._native.newest(port)
+        index, t, payload = self._open.newest(port)
         message = self._message_of(port)()
         message._set_bytes(payload)
         return Sample(index, t, message)
@@ -289,32 +373,40 @@ class Run:
     def run_before(self, participant):
         """Advances the run until `participant` is about to step: the inputs of its next activation are available (`shown`), and its outputs can
         be supplied instead of its step (`answer`). False when it has no further activation: the run has then reached its end."""
-        with _Interruptible(self._interrupt):
-            try:
-                return self._native.run_before(participant)
-            except RunError:
-                if self._interrupt.asked():
-                    raise KeyboardInterrupt from None
-                raise
+        return self._on(self._open.run_before, participant)
 
     def shown(self, port):
         """The sample that `PARTICIPANT.INPUT` has in the activation before which the participant is held."""
-        index, t, payload = self._native.shown(port)
+        index, t, payload = self._open.shown(port)
         message = self._message_of(port)()
         message._set_bytes(payload)
         return Sample(index, t, message)
 
     def answer(self, port, message=None, **fields):
         """Supplies `PARTICIPANT.OUTPUT` for that activation: a message, or its fields by name. The participant is then not stepped."""
+        self._open.answer(port, self._payload(port, message, fields))
+
+    def _payload(self, port, message, fields):
+        """The bytes of a message for `port`; none for a port that does not exist, which the run refuses with the ports there are."""
+        try:
+            kind = self._message_of(port)
+        except PortError:
+            return b""
         if message is None:
-            message = self._message_of(port)(**fields)
+            try:
+                message = kind(**fields)
+            except MessageError as error:
+                raise MessageError(f"`{port}`: {error}") from None
         elif not isinstance(message, Message) or fields:
             raise MessageError(f"`{port}`: give a message, or fields by name")
-        self._native.answer(port, bytes(message))
+        elif message.descriptor["fields"] != kind.descriptor["fields"]:
+            # Another message can have the same number of bytes.
+            raise MessageError(f"`{port}` takes {kind()!r}, and {message!r} has other fields")
+        return bytes(message)
 
     def _message_of(self, port):
         if port not in self._messages:
-            descriptor = self._native.described(port)
+            descriptor = self._open.described(port)
             if descriptor is None:
                 raise PortError(f"there is no port `{port}`")
             self._messages[port] = Message.of(descriptor)
@@ -322,34 +414,35 @@ class Run:
 
     def set(self, port, message=None, **fields):
         """Sets the unconnected input `PARTICIPANT.INPUT`: a message, or its fields by name. Fields that are not named are zero."""
-        if message is not None:
-            if not isinstance(message, Message) or fields:
-                raise MessageError(f"`{port}`: give a message, or fields by name")
-            self._native.set(port, bytes(message))
-            return
-        values = [(name, np.asarray(value, dtype=float).ravel().tolist()) for name, value in fields.items()]
-        self._native.set_fields(port, values)
+        self._open.set(port, self._payload(port, message, fields))
 
     def log(self, participant):
         """The log of a participant so far, at least the newest 64 KiB of it."""
-        return self._native.log(participant)
+        return self._open.log(participant)
 
     def save(self):
         """Saves the state of all participants, in memory."""
-        return self._native.save()
+        return self._on(self._open.save)
 
     def restore(self, saved):
         """Restores a state that `save` returned."""
-        self._native.restore(saved)
+        restore = self._open.restore
+        if not isinstance(saved, _native.Saved):
+            raise RunError(f"{saved!r} is no state of a run: give what `save` returned")
+        self._on(restore, saved)
 
     def end(self):
         """Ends the run. Returns the run folder, or the outcome if there is no folder."""
-        told = self._native.end()
-        folder = _concluded(told)
+        native = self._open
+        self._closed = _ENDED
+        told = native.end()
+        folder = _concluded(told, self._interrupt)
         return folder if folder is not None else Outcome(told["summary"], told["logs"])
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
+        self._refuse_other_thread()
+        self._closed = _ENDED
         self._native.close()

@@ -8,6 +8,7 @@ from . import _program
 from .errors import ProgramError, ScenarioError
 from .runs import _Progress, _refuse_without_file, _scenario
 from .scenarios import _toml
+from .tape import needed_module
 
 
 def _values(key, values):
@@ -28,8 +29,7 @@ def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, fault
     separate process for each point. With `digest` the column `tape` has the digest of each point's tape. The folder with the table is in
     `attrs["folder"]`; the same call continues an interrupted one.
     """
-    import pandas
-
+    pandas = needed_module("pandas", "the table of a sweep")
     scenario = _scenario(scenario, set, participants, faults)
     if scenario._text is not None:
         raise ScenarioError("a sweep needs the scenario in a file", file=scenario.file)

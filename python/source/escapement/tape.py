@@ -1,13 +1,24 @@
 """The results of a run: its folder, its figures, and its tape as numpy arrays mapped from the files."""
 
+import importlib
 import json
 import os
 
 import numpy as np
 
 from . import _native
-from .errors import TapeError
+from .errors import EscapementError, TapeError
 from .message import Message, dtype_of
+
+
+def needed_module(name, what):
+    """The module of an optional dependency, or an error that says how to install it."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name:
+            raise
+        raise EscapementError(f"{what} needs the package {name}, which is not installed: pip install {name}") from None
 
 
 class Stream:
@@ -110,8 +121,7 @@ class Stream:
 
     def to_pandas(self):
         """A DataFrame, one column per element (`p_NB_N[0]`), with the stamps as index. Units and frames are in `attrs`."""
-        import pandas
-
+        pandas = needed_module("pandas", "a DataFrame")
         columns, units, frames = {}, {}, {}
         for name, part in self.fields.items():
             values = self.contents(name) if isinstance(part["element"], dict) else self[name]
@@ -133,8 +143,7 @@ class Stream:
 
     def to_xarray(self):
         """A Dataset over `t`, one variable per field, with `units` and `frame` in the attributes. A field `t` becomes `t_2`."""
-        import xarray
-
+        xarray = needed_module("xarray", "a Dataset")
         variables = {}
         for name, part in self.fields.items():
             inner = [f"{name}_{axis}" for axis in range(len(part["shape"]))]
@@ -232,7 +241,7 @@ class RunFolder:
     def figures(self):
         """The figures of merit with their values: those declared by the scenario, and those of its assessment by name."""
         kept = ("verdict", "ending", "simulated_time_s", "wall_time_s", "real_time_factor", "tape_digest", "run_folder")
-        kept += ("recovered", "placement", "timing", "measures", "criteria", "shadows")
+        kept += ("recovered", "tape_has_only", "pace", "trace", "placement", "timing", "measures", "criteria", "shadows")
         summary = self.summary
         figures = {key: value for key, value in summary.items() if key not in kept}
         figures.update({name: one.get("value") for name, one in summary.get("measures", {}).items()})
