@@ -1,5 +1,6 @@
 //! A participant that is a Python object.
 
+use std::cell::RefCell;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use lockstep::participant::{
@@ -31,6 +32,8 @@ pub(crate) struct Object {
     /// The destination of its log lines.
     log: Py<Lines>,
     has_log: bool,
+    /// Why the last `save` failed.
+    save_failure: RefCell<Option<String>>,
     raised: Raised,
 }
 
@@ -144,6 +147,7 @@ impl Object {
                 .map_err(PyErr::from)?
                 .unbind(),
             has_log: false,
+            save_failure: RefCell::new(None),
             raised: raised.clone(),
         })
     }
@@ -306,9 +310,14 @@ impl Participant for Object {
                 let state = state.into_bound(py);
                 Ok(state.cast_into::<PyBytes>().map_err(PyErr::from)?.as_bytes().to_vec())
             });
-            // The caller only learns that there is no state; the reason is in the log.
+            let failure = saved.as_ref().err().map(|error| short(py, error));
+            self.save_failure.replace(failure);
             saved.map_err(|error| keep(py, error, &self.raised)).ok()
         })
+    }
+
+    fn save_failure(&self) -> Option<String> {
+        self.save_failure.borrow().clone()
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {

@@ -309,7 +309,7 @@ def test_state_that_cannot_be_saved_is_named(scenario):
             pass
 
     error = refused(scenario, Holds, checkpoint_at="500 ms")
-    assert "tank" in str(error) and "its attribute `handle` cannot be pickled" in str(error.__cause__)
+    assert "tank" in str(error) and "its `save` failed" in str(error) and "its attribute `handle` cannot be pickled" in str(error)
 
 
 def test_draws_depend_on_seed_and_name_alone(scenario):

@@ -142,10 +142,10 @@ fn texts_and_bytes_give_one_tape_and_are_exported() {
         "{}",
         lines[0]
     );
-    assert_eq!(lines[1], "0.0,0,,wartet – idle,idle,0,0,0");
+    assert_eq!(lines[1], "0.0,0,,wartet – idle,idle");
     // The first frame has the first byte of the answer, `<`.
-    assert_eq!(lines[4], "1.5,1,3c,sending,sending,0,0,0");
-    assert!(table.contains(",\"fault, \"\"again\"\"\",fault,"), "{table}");
+    assert_eq!(lines[4], "1.5,1,3c,sending,sending");
+    assert!(table.contains(",\"fault, \"\"again\"\"\",fault"), "{table}");
     let summary = std::fs::read_to_string(out.join("summary.json")).expect("the run has a summary");
     let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
     assert_eq!(summary["measures"]["words"]["value"], 59.0, "{summary}");

@@ -90,7 +90,8 @@ fn a_participant_with_a_bad_name_is_refused_at_its_line() {
     for name in ["a.b", "a b", "1a", ""] {
         let wrong = whole
             .replace("[participants.left]", &format!("[participants.\"{name}\"]"))
-            .replace("left.", &format!("{name}."));
+            .replace("[participants.left.", &format!("[participants.\"{name}\"."))
+            .replace("\"left.", &format!("\"{name}."));
         let line = wrong
             .lines()
             .position(|line| line.starts_with("[participants.\""))

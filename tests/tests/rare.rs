@@ -93,8 +93,7 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
     let known = said.json()["rare"].clone();
     let [low, high] = [0, 1].map(|at| known["interval"][at].as_f64().unwrap());
     assert!(low < truth && truth < high, "{low:e} to {high:e}, not {truth:e}");
-    // With 300 points per level few of the misses have independent ancestors.
-    assert!(high / low < 100.0, "{low:e} to {high:e}");
+    assert!(high / low < 100.0, "{low:e} to {high:e}"); // few misses have independent ancestors
     assert!(known["points"].as_u64().unwrap() < 2000, "{known}");
     let centre = known["centre"].as_array().unwrap();
     assert_eq!(centre[0][0], "start");

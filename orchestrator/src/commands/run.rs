@@ -171,17 +171,7 @@ fn executed(
     let folder = RunFolder::open(&root);
     let written = folder.write_json(&folder.summary(), &summary);
     tell(&outcome.ending);
-    let complaint = outcome.punctuality.as_ref().and_then(Punctuality::complaint);
-    let traced = outcome.traced.as_ref();
-    let unwritten = traced.and_then(|traced| {
-        traced
-            .error
-            .as_ref()
-            .map(|error| format!("{}: {error}", traced.path.display()))
-    });
-    for words in complaint.into_iter().chain(unwritten) {
-        eprintln!("warning: {words}");
-    }
+    warn_of_trace_and_pace(&outcome);
     written?;
     if how.common.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
@@ -196,6 +186,19 @@ fn executed(
         farewell(how, server, &outcome)?;
     }
     Ok((outcome.exit_code(), Some(outcome)))
+}
+
+/// Warns if the pace was not kept, or the trace not written.
+fn warn_of_trace_and_pace(outcome: &Outcome) {
+    let complaint = outcome.punctuality.as_ref().and_then(Punctuality::complaint);
+    let traced = outcome.traced.as_ref();
+    let unwritten = traced.and_then(|traced| {
+        let error = traced.error.as_ref()?;
+        Some(format!("{}: {error}", traced.path.display()))
+    });
+    for words in complaint.into_iter().chain(unwritten) {
+        eprintln!("warning: {words}");
+    }
 }
 
 /// The options of a run from the command line, except its scenario and its page.
