@@ -75,6 +75,9 @@ fn events_all_around_and_in_two_places_are_found() {
     );
 }
 
+/// Points per level, simulations, dimensions, score and true probability.
+type Case<'a> = (usize, u64, usize, &'a dyn Fn(&[f64]) -> f64, f64);
+
 /// The 95 % interval contains the truth in 95 of 100 cases, with few points per level as with many, whatever the shape of the event.
 #[test]
 fn interval_contains_the_truth_as_often_as_it_says() {
@@ -83,7 +86,7 @@ fn interval_contains_the_truth_as_often_as_it_says() {
     let circle = |z: &[f64]| z[0].hypot(z[1]) - 4.5;
     let corner = |z: &[f64]| z[0].min(z[1]) - 2.5;
     let above = |x: f64| normal_cumulative(-x);
-    let cases: [(usize, u64, usize, &dyn Fn(&[f64]) -> f64, f64); 7] = [
+    let cases: [Case; 7] = [
         (100, 200, 2, &plane(3.0), above(3.0)),
         (100, 200, 2, &plane(5.5), above(5.5)),
         (100, 200, 2, &circle, (-0.5_f64 * 4.5 * 4.5).exp()),

@@ -254,13 +254,11 @@ pub enum ReadError {
     /// A time window without any sample, on a tape that has samples.
     #[error(
         "no sample {}: the selected streams have samples from {first_s:?} s to {last_s:?} s; choose a window that contains one of their instants",
-        window(from, to)
+        window(asked)
     )]
     Outside {
-        /// The first requested instant, if any.
-        from: Option<Rational>,
-        /// The last requested instant, if any.
-        to: Option<Rational>,
+        /// The first and the last requested instant, if any.
+        asked: Box<[Option<Rational>; 2]>,
         /// The first instant with a sample, s.
         first_s: f64,
         /// The last instant with a sample, s.
@@ -287,11 +285,11 @@ pub enum ReadError {
 }
 
 /// Where a requested window lies.
-fn window(from: &Option<Rational>, to: &Option<Rational>) -> String {
-    match (from, to) {
-        (Some(from), Some(to)) => format!("lies from {from} to {to}"),
-        (Some(from), None) => format!("lies at or after {from}"),
-        (None, Some(to)) => format!("lies at or before {to}"),
-        (None, None) => "is selected".to_owned(),
+fn window(asked: &[Option<Rational>; 2]) -> String {
+    match asked {
+        [Some(from), Some(to)] => format!("lies from {from} to {to}"),
+        [Some(from), None] => format!("lies at or after {from}"),
+        [None, Some(to)] => format!("lies at or before {to}"),
+        [None, None] => "is selected".to_owned(),
     }
 }

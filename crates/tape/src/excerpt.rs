@@ -117,8 +117,7 @@ impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
             return Ok(());
         }
         Err(ReadError::Outside {
-            from: choice.from,
-            to: choice.to,
+            asked: Box::new([choice.from, choice.to]),
             first_s,
             last_s,
         })

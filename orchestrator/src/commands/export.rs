@@ -172,7 +172,8 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
 /// Reports why the tape, or the requested part of it, cannot be read; returns the exit code.
 fn refused(error: &ReadError) -> i32 {
     let option = match error {
-        ReadError::Window { .. } | ReadError::Outside { from: None, .. } => "--until: ",
+        ReadError::Window { .. } => "--until: ",
+        ReadError::Outside { asked, .. } if asked[0].is_none() => "--until: ",
         ReadError::Outside { .. } => "--from: ",
         _ => "",
     };
@@ -180,8 +181,11 @@ fn refused(error: &ReadError) -> i32 {
     UNREADABLE
 }
 
+/// Names and values about a run, for the metadata of its exports.
+type About = Vec<(&'static str, String)>;
+
 /// The plan of the run, and the available information in its folder: the plan's text, the program, and the digest of its tape.
-fn about(run: &Path, tape: &Reader) -> Result<(toml::Table, Vec<(&'static str, String)>), ReportError> {
+fn about(run: &Path, tape: &Reader) -> Result<(toml::Table, About), ReportError> {
     let folder = RunFolder::open(&destination::folder_of(run));
     let PlanFile { text: plan, table } = PlanFile::read(&folder)?;
     let run = read_json(&folder.run())?;

@@ -82,9 +82,7 @@ impl Field {
             None => Ok(()),
             Some((what, text)) => Err(DescriptorError::Text {
                 message: message.to_owned(),
-                field: shown(&self.name),
-                what,
-                text: shown(text),
+                text: format!("field `{}`: its {what} `{}`", shown(&self.name), shown(text)),
             }),
         }
     }
@@ -183,17 +181,11 @@ pub enum DescriptorError {
         message: String,
     },
     /// The name, unit or frame of a field would steer what shows it.
-    #[error(
-        "message `{message}`, field `{field}`: its {what} `{text}` has a control character in it: leave the character out"
-    )]
+    #[error("message `{message}`, {text} has a control character in it: leave the character out")]
     Text {
         /// The message.
         message: String,
-        /// The field, with the code points of such characters.
-        field: String,
-        /// Which of its texts.
-        what: &'static str,
-        /// The text, with their code points.
+        /// Which text of which field, with the code points of such characters.
         text: String,
     },
     /// A field is unnamed, repeated, empty, misaligned, overlapping or beyond the end.

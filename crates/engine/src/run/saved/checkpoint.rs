@@ -97,7 +97,7 @@ pub enum CheckpointError {
         /// Its instant.
         time: Rational,
         /// The error of the encoder.
-        source: WireError,
+        source: Box<WireError>,
     },
     /// There is no suitable file.
     #[error("{}: there is no checkpoint{at}; there is {available} (checkpoints are made with --checkpoint-every and --checkpoint-at)", folder.display())]
@@ -143,7 +143,10 @@ impl Checkpoint {
             None => (MAGIC, wire::encode("a checkpoint", self)),
             Some(rest) => (MAGIC_REST, wire::encode("a checkpoint", &(self, rest))),
         };
-        let body = body.map_err(|source| CheckpointError::TooLarge { time, source })?;
+        let body = body.map_err(|error| {
+            let source = Box::new(error);
+            CheckpointError::TooLarge { time, source }
+        })?;
         let mut bytes = magic.to_vec();
         bytes.extend_from_slice(Digest::of(&body).as_bytes());
         bytes.extend_from_slice(&body);
