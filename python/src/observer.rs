@@ -12,7 +12,8 @@ const LOOK: Duration = Duration::from_millis(20);
 pub(crate) struct Teller {
     told: Option<Py<PyAny>>,
     interrupt: Interrupt,
-    looked: Instant,
+    /// When a time was last told: the first one always is, however short the run.
+    looked: Option<Instant>,
 }
 
 impl Teller {
@@ -20,7 +21,7 @@ impl Teller {
         Teller {
             told,
             interrupt,
-            looked: Instant::now(),
+            looked: None,
         }
     }
 
@@ -42,10 +43,10 @@ impl Teller {
 impl Observer for Teller {
     fn event(&mut self, event: Event<'_>) {
         if matches!(event, Event::Time { .. }) {
-            if self.looked.elapsed() < LOOK {
+            if self.looked.is_some_and(|looked| looked.elapsed() < LOOK) {
                 return;
             }
-            self.looked = Instant::now();
+            self.looked = Some(Instant::now());
         }
         Python::attach(|py| {
             if let Err(error) = self.tell(py, event) {

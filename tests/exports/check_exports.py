@@ -29,6 +29,11 @@ import awkward
 NUMPY = {"f64": "<f8", "f32": "<f4", "i64": "<i8", "i32": "<i4", "i16": "<i2", "i8": "i1", "u64": "<u8", "u32": "<u4", "u16": "<u2", "u8": "u1", "bool": "?", "enum": "u1"}
 
 
+def is_padding(field):
+    """Bytes without a meaning, which no export has."""
+    return field["element"] == "u8" and re.fullmatch("padding_?[0-9]*", field["name"]) is not None
+
+
 def read_tape(run):
     """The tape by its documentation alone: index.json and plain files of records. By stream: its entry, fields, stamps and payloads."""
     tape = run / "tape"
@@ -42,7 +47,7 @@ def read_tape(run):
         # A torn last record belongs to nobody.
         data = (tape / stream["file"]).read_bytes()
         records = np.frombuffer(data[: len(data) // dtype.itemsize * dtype.itemsize], dtype=dtype)
-        streams[f"{stream['participant']}.{stream['port']}"] = (stream, fields, records["t"], records["payload"])
+        streams[f"{stream['participant']}.{stream['port']}"] = (stream, [field for field in fields if not is_padding(field)], records["t"], records["payload"])
     return streams
 
 
@@ -129,8 +134,8 @@ def check_csv(out, streams):
 
 
 def filled(descriptor):
-    """A descriptor as it is written: fields of a tape that was made before enumerations were have no values."""
-    return {**descriptor, "fields": [{"values": [], **field} for field in descriptor["fields"]]}
+    """A descriptor as it is exported: without padding, and fields of a tape that was made before enumerations were have no values."""
+    return {**descriptor, "fields": [{"values": [], **field} for field in descriptor["fields"] if not is_padding(field)]}
 
 
 def check_parquet(out, streams):

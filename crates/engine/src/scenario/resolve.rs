@@ -399,7 +399,7 @@ impl Scenario {
     fn took_over(&self, entry: &Entry) -> bool {
         let table = |key: &'static str, of: &str| of.strip_suffix(key).map(str::to_owned);
         let stands_apart = table(".run", &entry.run_key) != table(".parameters", &entry.parameters_key);
-        stands_apart || self.source.origin.changes(&entry.run_key)
+        stands_apart || self.source.origin.substitutes(&entry.run_key)
     }
 }
 

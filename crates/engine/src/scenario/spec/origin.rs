@@ -10,6 +10,8 @@ use toml::Value;
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::lines::Lines;
 
+use super::change::WITH_SET;
+
 /// The file and the changes from which a scenario was made. They have no influence on the scenario's content.
 #[derive(Debug, Clone, Default)]
 pub(in crate::scenario) struct Origin {
@@ -55,6 +57,12 @@ impl Origin {
     /// Whether `key` itself was changed.
     pub(in crate::scenario) fn changes(&self, key: &str) -> bool {
         self.changed.contains_key(key)
+    }
+
+    /// Whether `key` itself was changed by an option that puts a program in the place of another one. A program that was set is the one
+    /// that the scenario now has.
+    pub(in crate::scenario) fn substitutes(&self, key: &str) -> bool {
+        self.changed.get(key).is_some_and(|how| *how != WITH_SET)
     }
 
     /// A mistake about `key`, with its line, or with the change that made it. Changes below the key are named too if the file has
