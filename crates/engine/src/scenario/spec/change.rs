@@ -10,7 +10,6 @@ use crate::scenario::names::fault_name;
 use crate::scenario::value::{checked_value, keep_decimal};
 
 /// How a change was made: the end of a message about it.
-pub(super) const WITH_SET: &str = "given with --set";
 pub(super) const VARIED: &str = "varied by the campaign";
 pub(super) const IN_CODE: &str = "set in code";
 

@@ -10,7 +10,8 @@ use toml::Value;
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::lines::Lines;
 
-use super::change::WITH_SET;
+/// How a key was changed that was set.
+pub(super) const WITH_SET: &str = "given with --set";
 
 /// The file and the changes from which a scenario was made. They have no influence on the scenario's content.
 #[derive(Debug, Clone, Default)]

@@ -8,13 +8,13 @@ use serde::de::{DeserializeOwned, Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 use toml::{Table, Value};
 
-use super::change::{WITH_SET, change};
+use super::change::change;
 use super::changes::{Changes, WITH_DURATION, WITH_FAULT, WITH_SEED, WITH_SUBSTITUTE};
 use super::entries::Entries;
 use super::fault::FaultSpec;
 use super::files::fill_in_files;
 use super::measure::MeasureSpec;
-use super::origin::{Origin, typed};
+use super::origin::{Origin, WITH_SET, typed};
 use super::record::{self, RecordSpec};
 use super::text;
 use super::time::Time;
