@@ -4,21 +4,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
+use tape::folder::{MARKS, RECORD};
 
 use crate::refusal::Refusal;
-
-/// The files that every run folder has.
-const MARKS: [&str; 2] = ["plan.toml", "run.json"];
-/// The entries of a run folder that are the record of the run. An export and a report are not among them: they can be made again.
-const RECORD: [&str; 7] = [
-    "plan.toml",
-    "run.json",
-    "summary.json",
-    "log",
-    "tape",
-    "checkpoints",
-    "shadow",
-];
 
 /// Checks that the file or folder `path`, the value of `option`, is no part of a recorded run.
 ///

@@ -9,6 +9,23 @@ use crate::program::{built, root, text};
 /// Flags under which the headers and examples of the project give no warning.
 pub const STRICT: [&str; 6] = ["-O2", "-g", "-Wall", "-Wextra", "-Werror", "-pedantic"];
 
+/// A check of a source by `compiler`, with the headers in `include` and without a warning; the source is the next argument.
+pub fn checks(compiler: &str, standard: &str, include: &Path) -> Command {
+    let mut command = Command::new(compiler);
+    command
+        .args([
+            standard,
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-pedantic",
+            "-fsyntax-only",
+            "-I",
+        ])
+        .arg(include);
+    command
+}
+
 /// A folder with everything installed below `prefix`, and with the built files.
 pub struct Workshop {
     folder: PathBuf,

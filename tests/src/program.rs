@@ -178,6 +178,17 @@ impl Said {
     }
 }
 
+/// Checks that `said` is an error message with all of `parts` and with none of `without`.
+pub fn refused(said: &Said, parts: &[&str], without: &[&str]) {
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in parts {
+        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+    }
+    for part in without {
+        assert!(!said.err.contains(part), "`{part}` is in: {}", said.err);
+    }
+}
+
 /// Runs `orchestrator` with `arguments` to its end. A test that hangs is ended after two minutes.
 pub fn orchestrate(arguments: &[&str]) -> Said {
     finish(start(arguments))

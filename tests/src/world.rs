@@ -140,6 +140,12 @@ pub fn substitution(at: &str, program: &str, state: &str) -> String {
     )
 }
 
+/// Writes the scenario of two masses from the project's template, 200 ms of it; returns the file.
+pub fn masses(folder: &Folder) -> PathBuf {
+    let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
+    folder.write("m.toml", &scenario.replace("10 s\"", "200 ms\""))
+}
+
 /// Writes the scenario of two masses from the project's template, in one program, with a measure and a fault; returns the file's name.
 pub fn springs(folder: &Folder) -> String {
     let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();

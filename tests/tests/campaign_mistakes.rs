@@ -1,24 +1,7 @@
 //! Mistakes in campaigns and lists of cases are rejected where they are, with the line and the remedy.
 
-use escapement_tests::program::{Folder, Said, orchestrate, root, text};
+use escapement_tests::program::{Folder, orchestrate, refused, text};
 use escapement_tests::world;
-
-/// Two masses on springs.
-fn springs(folder: &Folder) -> std::path::PathBuf {
-    let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
-    folder.write("m.toml", &scenario.replace("10 s\"", "200 ms\""))
-}
-
-/// Checks that `said` is an error message with all of `parts` and with none of `without`.
-fn refused(said: &Said, parts: &[&str], without: &[&str]) {
-    assert_eq!(said.code, Some(2), "{said:?}");
-    for part in parts {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
-    }
-    for part in without {
-        assert!(!said.err.contains(part), "`{part}` is in: {}", said.err);
-    }
-}
 
 #[test]
 fn an_entry_of_a_list_is_the_same_by_its_number_and_by_its_name() {
@@ -51,7 +34,7 @@ fn an_entry_of_a_list_is_the_same_by_its_number_and_by_its_name() {
 #[test]
 fn a_mistake_of_a_case_is_one_of_the_list() {
     let folder = Folder::new("case-mistake");
-    let scenario = springs(&folder);
+    let scenario = world::masses(&folder);
     let out = folder.path().join("out");
     let fault =
         "[{ at = \"0.1 s\", input = \"right.neighbour\", field = \"position\", kind = \"bias\", value = \"1 kg\" }]";
@@ -84,7 +67,7 @@ fn a_mistake_of_a_case_is_one_of_the_list() {
 #[test]
 fn an_audit_without_another_shard_is_refused() {
     let folder = Folder::new("audit-alone");
-    let scenario = springs(&folder);
+    let scenario = world::masses(&folder);
     let out = folder.path().join("out");
     let sweep =
         |more: &[&str]| orchestrate(&[&["sweep", text(&scenario), "--seeds", "2", "--out", text(&out)], more].concat());
@@ -107,7 +90,7 @@ fn an_audit_without_another_shard_is_refused() {
 #[test]
 fn a_design_that_needs_all_of_its_points_has_no_early_end() {
     let folder = Folder::new("early-end");
-    let scenario = springs(&folder);
+    let scenario = world::masses(&folder);
     let out = folder.path().join("out");
     let until = ["--until", "met within 20 %", "--quiet", "--out", text(&out)];
     let drawn = |head: &str, more: &str| {

@@ -2,29 +2,13 @@
 
 use std::path::Path;
 
-use escapement_tests::program::{Folder, Said, orchestrate, orchestrator, root, text};
-
-/// Two masses on springs.
-fn springs(folder: &Folder) -> std::path::PathBuf {
-    let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
-    folder.write("m.toml", &scenario.replace("10 s\"", "200 ms\""))
-}
-
-/// Checks that `said` is an error message with all of `parts` and with none of `without`.
-fn refused(said: &Said, parts: &[&str], without: &[&str]) {
-    assert_eq!(said.code, Some(2), "{said:?}");
-    for part in parts {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
-    }
-    for part in without {
-        assert!(!said.err.contains(part), "`{part}` is in: {}", said.err);
-    }
-}
+use escapement_tests::program::{Folder, Said, orchestrate, orchestrator, refused, root, text};
+use escapement_tests::world;
 
 #[test]
 fn a_connection_that_is_refused_is_the_only_mistake() {
     let folder = Folder::new("one-mistake");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     for (set, key, part) in [
         ("delay=-1ms", "connections.to-right.delay", "must not be negative"),
         ("drop=1.5", "connections.to-right.drop", "between 0 and 1"),
@@ -45,7 +29,7 @@ fn a_connection_that_is_refused_is_the_only_mistake() {
 #[test]
 fn a_value_of_a_wrong_type_is_refused_with_what_to_write() {
     let folder = Folder::new("wrong-types");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     for (set, parts) in [
         ("duration=10", ["duration: `10` is not a time", "a number and a unit"]),
         ("duration=nan", ["duration: `NaN` is not a time", "a number and a unit"]),
@@ -85,7 +69,7 @@ fn a_value_of_a_wrong_type_is_refused_with_what_to_write() {
 #[test]
 fn a_participant_with_a_bad_name_is_refused_at_its_line() {
     let folder = Folder::new("bad-names");
-    let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
+    let whole = std::fs::read_to_string(world::masses(&folder)).expect("it was written");
     assert!(whole.contains("[participants.left]"), "{whole}");
     for name in ["a.b", "a b", "1a", ""] {
         let wrong = whole
@@ -111,7 +95,7 @@ fn a_participant_with_a_bad_name_is_refused_at_its_line() {
 #[test]
 fn a_folder_that_is_not_there_is_told() {
     let folder = Folder::new("no-folder");
-    let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
+    let whole = std::fs::read_to_string(world::masses(&folder)).expect("it was written");
     let file = folder.write("elsewhere.toml", &format!("folder = \"/nonexistent\"\n{whole}"));
     // Builtins need no folder; a program is started in it.
     let said = orchestrate(&["check", text(&file)]);
@@ -137,7 +121,7 @@ fn a_folder_that_is_not_there_is_told() {
 #[test]
 fn titles_with_control_characters_are_refused_and_escaped() {
     let folder = Folder::new("titles");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     let out = folder.path().join("out");
     let list = folder.write("cases.toml", "title = \"\\u001b[2J\"\n[[case]]\nname = \"healthy\"\n");
     let cases = orchestrate(&["faults", text(&file), "--cases", text(&list), "--out", text(&out)]);
@@ -162,7 +146,7 @@ fn titles_with_control_characters_are_refused_and_escaped() {
 #[test]
 fn a_change_is_said_to_be_where_it_comes_from() {
     let folder = Folder::new("where-from");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     let out = folder.path().join("out");
     let shadow = ["--shadow", "left=builtin:spring", "--shadow-set", "massx=1"];
     let said = orchestrate(&[&["run", text(&file), "--out", text(&out)], &shadow[..]].concat());
@@ -181,7 +165,7 @@ fn a_change_is_said_to_be_where_it_comes_from() {
 #[test]
 fn a_program_of_an_option_is_looked_for_where_the_command_is_given() {
     let folder = Folder::new("given-here");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     for option in ["--substitute", "--shadow"] {
         for name in ["./nothere", "nothere.so"] {
             let out = folder.path().join("out");
@@ -204,7 +188,7 @@ fn a_program_of_an_option_is_looked_for_where_the_command_is_given() {
 #[test]
 fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
     let folder = Folder::new("taken-over");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     let refuses = "the builtin `controller` refuses `participants.left.parameters";
     for option in ["--substitute", "--shadow"] {
         let given = format!("given with {option}");
@@ -250,7 +234,7 @@ fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
 #[test]
 fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
     let folder = Folder::new("of-its-own");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     let out = folder.path().join("out");
     let mut run = vec!["run", text(&file), "--out", text(&out), "--in-process"];
     run.extend(["--set", "participants.left.run={ exe = \"true\" }"]);
@@ -266,7 +250,7 @@ fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
 #[test]
 fn patience_is_warned_of_where_it_has_no_effect() {
     let folder = Folder::new("no-patience");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     let warning = "warning: --patience 5 s has no effect on a run in one process";
     for (number, (more, warned)) in [
         (&["--patience", "5 s", "--in-process"][..], true),
@@ -306,7 +290,7 @@ fn a_file_that_cannot_be_read_is_a_refusal_that_is_told_once() {
 #[test]
 fn who_ends_before_it_has_entered_the_run_is_said_to() {
     let folder = Folder::new("ends-early");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     let out = folder.path().join("out");
     let killed = folder.write("killed", "#!/bin/sh\nkill -9 $$\n");
     let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
@@ -334,7 +318,7 @@ fn who_ends_before_it_has_entered_the_run_is_said_to() {
 #[test]
 fn an_export_of_a_window_without_samples_is_refused() {
     let folder = Folder::new("empty-export");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));
     let said = orchestrate(&["run", text(&file), "--in-process", "--out", text(&run)]);
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -374,7 +358,7 @@ fn on_a_full_disk(arguments: &[&str]) -> Said {
 #[test]
 fn output_that_cannot_be_written_is_an_error() {
     let folder = Folder::new("full");
-    let file = springs(&folder);
+    let file = world::masses(&folder);
     let run = folder.path().join("run");
     let (file, run) = (text(&file), text(&run));
     let whole: &[&[&str]] = &[

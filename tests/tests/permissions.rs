@@ -153,7 +153,7 @@ fn nothing_of_a_run_is_for_others() {
 }
 
 /// Runs the orchestrator as another user, without privileges. `None` where that is impossible.
-fn as_nobody(arguments: &[&str]) -> Option<std::process::Output> {
+fn as_another_user(arguments: &[&str]) -> Option<std::process::Output> {
     let user = ["--reuid=65534", "--regid=65534", "--clear-groups"];
     let setpriv = || {
         let mut command = Command::new("setpriv");
@@ -187,7 +187,7 @@ fn folders_of_another_user_do_not_block_a_run() {
     let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
     std::os::unix::fs::chown(files.path(), Some(65534), Some(65534)).unwrap_or_default();
     let out = files.path().join("nobody");
-    let other = as_nobody(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
+    let other = as_another_user(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
     guessed.iter().for_each(|folder| drop(fs::remove_dir(folder)));
     assert_eq!(said.code, Some(0), "{said:?}");
     if let Some(other) = other {
@@ -198,7 +198,7 @@ fn folders_of_another_user_do_not_block_a_run() {
 #[test]
 fn doctor_leaves_the_objects_of_another_user() {
     let running = Running::start();
-    if let Some(said) = as_nobody(&["doctor", "--remove", "--json"]) {
+    if let Some(said) = as_another_user(&["doctor", "--remove", "--json"]) {
         let found = String::from_utf8_lossy(&said.stdout).into_owned();
         assert!(said.status.success() && !found.contains(&running.prefix), "{said:?}");
     }
@@ -222,7 +222,7 @@ fn a_run_of_another_user_is_refused_with_the_real_reason() {
         &["resume", run],
         &["measure", run],
     ] {
-        let Some(said) = as_nobody(arguments) else { return };
+        let Some(said) = as_another_user(arguments) else { return };
         let words = String::from_utf8_lossy(&said.stderr);
         assert_eq!(said.status.code(), Some(2), "{arguments:?}: {words}");
         assert!(

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use escapement_tests::compiler::{Workshop, must};
+use escapement_tests::compiler::{Workshop, checks, must};
 use escapement_tests::machine::{signal, wait_for_bytes};
 use escapement_tests::program::{Folder, Said, finish, orchestrate, root, start, text};
 
@@ -296,17 +296,7 @@ fn optional_members_with_another_signature_do_not_compile() {
             Some("void terminate(escapement::Termination why)"),
         ),
     ] {
-        let compiler = std::process::Command::new("c++")
-            .args([
-                "-std=c++17",
-                "-Wall",
-                "-Wextra",
-                "-Werror",
-                "-pedantic",
-                "-fsyntax-only",
-                "-I",
-            ])
-            .arg(&include)
+        let compiler = checks("c++", "-std=c++17", &include)
             .arg(format!("-DMEMBER={member}"))
             .arg(root().join("tests/plugins/optional.cpp"))
             .output()
@@ -457,22 +447,8 @@ fn header_says_what_the_library_does() {
     let folder = Folder::new("header");
     let source = folder.write("layout.c", &format!("#include <escapement.h>\n{asserts}"));
     let include = workshop().path("prefix/include");
-    let compile = |compiler: &str, standard: &str, source: &Path| {
-        must(
-            std::process::Command::new(compiler)
-                .args([
-                    standard,
-                    "-Wall",
-                    "-Wextra",
-                    "-Werror",
-                    "-pedantic",
-                    "-fsyntax-only",
-                    "-I",
-                ])
-                .arg(&include)
-                .arg(source),
-        )
-    };
+    let compile =
+        |compiler: &str, standard: &str, source: &Path| must(checks(compiler, standard, &include).arg(source));
     compile("cc", "-std=c11", &source);
     // Both headers compile alone, and together in one file, in every language that they support.
     for (name, compiler, standards, header) in [

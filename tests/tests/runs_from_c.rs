@@ -3,7 +3,7 @@
 use std::process::Command;
 use std::sync::OnceLock;
 
-use escapement_tests::compiler::{Workshop, must};
+use escapement_tests::compiler::{Workshop, checks, must};
 use escapement_tests::program::{Folder, root};
 
 fn workshop() -> &'static Workshop {
@@ -133,16 +133,6 @@ fn header_of_runs_says_what_the_library_does() {
         } else {
             folder.write("layout.cpp", "#include <escapement-run.h>\n")
         };
-        let mut command = Command::new(compiler);
-        command.args([
-            standard,
-            "-Wall",
-            "-Wextra",
-            "-Werror",
-            "-pedantic",
-            "-fsyntax-only",
-            "-I",
-        ]);
-        must(command.arg(&include).arg(source));
+        must(checks(compiler, standard, &include).arg(source));
     }
 }

@@ -255,7 +255,7 @@ fn campaign_that_cannot_be_is_refused_with_its_key() {
         list,
         &["campaign.toml:3: vary: is a list and no table", "[vary.delay]"],
     );
-    // Keys of a distribution that nobody has named are no mistakes.
+    // Without a valid distribution its keys are not checked.
     for (kind, part) in [
         ("", "`distribution` is missing"),
         ("distribution = 3\n", "3 is no text"),

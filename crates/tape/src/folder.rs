@@ -16,5 +16,5 @@ mod utc;
 
 pub use claim::Claim;
 pub use outputs::note_outputs;
-pub use place::{FolderError, RunFolder, private};
+pub use place::{FolderError, MARKS, RECORD, RunFolder, private};
 pub use utc::{utc_compact, utc_text};

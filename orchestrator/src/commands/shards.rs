@@ -201,7 +201,7 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
     let whole = parts
         .iter()
         .any(|part| part.identity.shard.is_none() && part.state == State::Complete);
-    // Shards that nobody has started are known where an engine has them, or by their points.
+    // Shards that were not started are known where an engine has them, or by their points.
     let alone = parts.iter().any(|part| part.root == args.folder);
     let nowhere = if engine.is_some() || alone {
         0

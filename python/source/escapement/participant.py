@@ -293,7 +293,7 @@ def _declared(cls):
 
 
 def _refuse_unfinished(cls, name):
-    """A call of such a function only creates an object, which nobody runs."""
+    """A call of such a function only creates an object, which is never run."""
     function = inspect.unwrap(getattr(cls, name))
     for is_so, what in (
         (inspect.iscoroutinefunction, "is declared with `async`"),

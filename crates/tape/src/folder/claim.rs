@@ -6,30 +6,20 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use super::outputs::{NOTES, Outputs};
-use super::place::{FolderError, MARKS, RunFolder, io_error, missing_mark, private};
+use super::place::{FolderError, MARKS, RECORD, RunFolder, io_error, missing_mark, private};
 use super::utc::utc_compact;
 
-/// The entries that a run, its checkpoints and shadows, an export and a report create in a run folder.
-const OWN: [&str; 10] = [
-    "plan.toml",
-    "run.json",
-    "summary.json",
-    "log",
-    "tape",
-    "checkpoints",
-    "shadow",
-    "export",
-    "report.html",
-    NOTES,
-];
+/// The entries that an export and a report create in a run folder, and the list of what else was written into it on request.
+const MADE_LATER: [&str; 3] = ["export", "report.html", NOTES];
 /// The folder that holds the previous run until the new one has begun.
 const BEFORE: &str = ".replaced";
 /// Its name while it is removed.
 const DISCARDED: &str = ".discarded";
 
-/// Whether a run creates an entry of this name in its folder. A killed program may leave a draft.
+/// Whether a run, its export or its report creates an entry of this name in its folder. A killed program may leave a draft.
 fn is_own(name: &str) -> bool {
-    [BEFORE, DISCARDED].contains(&name) || OWN.contains(&name.strip_suffix(".part").unwrap_or(name))
+    let whole = name.strip_suffix(".part").unwrap_or(name);
+    [BEFORE, DISCARDED].contains(&name) || RECORD.contains(&whole) || MADE_LATER.contains(&whole)
 }
 
 /// The outermost ancestor of `path`, or `path` itself, that does not exist yet.

@@ -63,7 +63,18 @@ pub fn private() -> DirBuilder {
 
 /// The files that every run folder has from the beginning. The last of them is the last entry that is set aside when a run is replaced, and
 /// the first that comes back: where it is, there is a complete run.
-pub(super) const MARKS: [&str; 2] = ["run.json", "plan.toml"];
+pub const MARKS: [&str; 2] = ["run.json", "plan.toml"];
+
+/// The entries of a run folder that are the record of the run. An export and a report are not among them: they can be made again.
+pub const RECORD: [&str; 7] = [
+    "plan.toml",
+    "run.json",
+    "summary.json",
+    "log",
+    "tape",
+    "checkpoints",
+    "shadow",
+];
 
 /// The first file that `folder` lacks to be the folder of a run.
 pub(super) fn missing_mark(folder: &Path) -> Option<&'static str> {

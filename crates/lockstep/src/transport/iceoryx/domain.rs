@@ -147,7 +147,7 @@ fn configuration(address: &Address) -> Result<Config, DomainError> {
 
 impl Domain {
     /// Enters the domain of a run under way at `address`, as the participant `process`. Nothing is created where there is no run: a node
-    /// would create its folders, which nobody would remove.
+    /// would create its folders, and no process would remove them.
     pub fn join(address: Address, process: &str) -> Result<Domain, DomainError> {
         // The orchestrator has a node and services before it starts a participant.
         let global = configuration(&address)?.global;
