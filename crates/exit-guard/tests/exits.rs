@@ -4,7 +4,7 @@ use std::process::{Command, Output};
 
 use exit_guard::Guard;
 
-const WAY: &str = "EXIT_GUARD_WAY";
+const SCENARIO: &str = "EXIT_GUARD_WAY";
 
 fn exit(status: i32) {
     // SAFETY: ends this process, which a test has started for that.
@@ -13,8 +13,8 @@ fn exit(status: i32) {
 
 /// Not a test by itself: what the child does.
 #[test]
-fn child() {
-    let Ok(way) = std::env::var(WAY) else { return };
+fn exiting_child_process() {
+    let Ok(way) = std::env::var(SCENARIO) else { return };
     let outer = Guard::new("outer", |function| format!("`{function}` called exit()"));
     let inner = Guard::new("inner", |function| format!("`{function}` called exit()"));
     match way.as_str() {
@@ -36,13 +36,13 @@ fn child() {
 fn run(way: &str) -> (Option<i32>, String) {
     let program = std::env::current_exe().expect("a test has a program");
     let mut command = Command::new(program);
-    command.args(["--exact", "child", "--nocapture"]).env(WAY, way);
+    command.args(["--exact", "exiting_child_process", "--nocapture"]).env(SCENARIO, way);
     let Output { status, stderr, .. } = command.output().expect("the program can be started");
     (status.code(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
 #[test]
-fn success_that_foreign_code_asks_for_is_a_failure_with_its_name() {
+fn exit_in_foreign_code_fails_with_its_name() {
     for (way, words) in [
         ("inside", "outer: `step` called exit()"),
         ("nested", "inner: `log` called exit()"),
@@ -55,7 +55,7 @@ fn success_that_foreign_code_asks_for_is_a_failure_with_its_name() {
 }
 
 #[test]
-fn end_outside_of_foreign_code_is_left_alone() {
+fn exit_outside_foreign_code_is_unchanged() {
     let (code, said) = run("outside");
     assert_eq!(code, Some(7), "{said}");
     assert!(!said.contains("called exit()"), "{said}");

@@ -11,7 +11,7 @@ pub fn fnv1a(text: impl AsRef<[u8]>) -> u64 {
 mod tests {
     /// Values published by the authors of FNV.
     #[test]
-    fn published_values_hold() {
+    fn fnv1a_matches_published_values() {
         assert_eq!(super::fnv1a(""), 0xcbf2_9ce4_8422_2325);
         assert_eq!(super::fnv1a("a"), 0xaf63_dc4c_8601_ec8c);
         assert_eq!(super::fnv1a("foobar"), 0x8594_4171_f739_67e8);

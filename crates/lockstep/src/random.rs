@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn draws_are_uniform_and_unrelated() {
+    fn random_draws_are_uniform_and_uncorrelated() {
         let (a, b) = (Stream::new(1, "plant"), Stream::new(2, "plant"));
         let n = 100_000;
         let mean = |s: &Stream| (0..n).map(|i| s.uniform(i)).sum::<f64>() / n as f64;
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn normal_draws_have_the_moments_of_a_normal_distribution() {
+    fn normal_draws_match_moments_of_distribution() {
         let stream = Stream::new(3, "x");
         let n = 200_000;
         let draws: Vec<f64> = (0..n).map(|i| stream.normal(i)).collect();
@@ -84,7 +84,7 @@ mod tests {
 
     /// The numbers other languages must reproduce (docs/protocol.md).
     #[test]
-    fn the_documented_values_hold() {
+    fn random_stream_matches_documented_values() {
         let stream = Stream::new(42, "link measured");
         assert_eq!(
             [stream.bits(0), stream.bits(1)],

@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_too_large_is_refused_in_both_directions_with_its_size() {
+    fn codec_rejects_oversized_value_in_both_directions() {
         let (head, words) = (
             size_of::<u64>(),
             "a list has 67108865 bytes; at most 67108864 (64 MiB) are possible",

@@ -188,7 +188,7 @@ fn ending(ended: Result<Reach, RunError>) -> String {
 }
 
 #[test]
-fn runs_side_by_side_are_what_each_is_alone() {
+fn batched_runs_equal_separate_runs() {
     let mut together = 0;
     for first in (0..200).step_by(8) {
         let alone: Vec<_> = (first..first + 8)
@@ -229,7 +229,7 @@ fn runs_side_by_side_are_what_each_is_alone() {
 }
 
 #[test]
-fn a_loop_that_does_not_park_never_stops_on_the_way() {
+fn loop_returns_deferred_step_until_it_is_executed() {
     let mut world = (0..).map(world).find(|world| world.plan.end > 0).unwrap();
     assert!(world.looped.pending().is_none());
     world.looped.park();

@@ -109,7 +109,7 @@ fn plan(between: bool) -> Plan {
 }
 
 #[test]
-fn between_the_first_and_the_last_step_nothing_is_taken() {
+fn loop_allocates_nothing_between_first_and_last_step() {
     [false, true].into_iter().for_each(takes_nothing);
 }
 
@@ -125,7 +125,7 @@ fn takes_nothing(between: bool) {
 }
 
 #[test]
-fn a_sample_in_shared_memory_takes_nothing() {
+fn shared_memory_link_allocates_nothing_per_sample() {
     const SAMPLES: u64 = 5000;
     let place = Place::new();
     let link = LinkService::create(&place.domain, 0, 216, 4).expect("room");
@@ -145,7 +145,7 @@ fn a_sample_in_shared_memory_takes_nothing() {
 }
 
 #[test]
-fn a_recorded_sample_takes_nothing() {
+fn record_allocates_nothing_per_sample() {
     const SAMPLES: u64 = 20_000;
     let place = Place::new();
     let mut receiver = RecordReceiver::create(&place.domain, "plant").expect("room");

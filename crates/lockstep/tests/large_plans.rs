@@ -52,7 +52,7 @@ fn links(from: impl Fn(usize, usize) -> Option<usize>) -> Vec<(usize, usize, usi
 }
 
 #[test]
-fn every_input_of_the_largest_plan_has_its_link() {
+fn largest_plan_links_every_input() {
     let all = links(|to, input| Some((to * 7 + input) % PARTICIPANTS));
     let plan = plan(Kind::Continuous, |_| 0, all).unwrap();
     assert_eq!(plan.links.len(), PARTICIPANTS * INPUTS);
@@ -70,7 +70,7 @@ fn every_input_of_the_largest_plan_has_its_link() {
 }
 
 #[test]
-fn producers_come_before_consumers_in_the_largest_plan() {
+fn largest_plan_ranks_producers_before_consumers() {
     // Each reads from the 256 after it, so the last one comes first.
     let all = links(|to, input| Some(to + 1 + input).filter(|from| *from < PARTICIPANTS));
     let plan = plan(Kind::Sampled, |_| 0, all).unwrap();
@@ -80,7 +80,7 @@ fn producers_come_before_consumers_in_the_largest_plan() {
 }
 
 #[test]
-fn open_circles_of_the_largest_plan_are_ordered() {
+fn largest_plan_ranks_open_cycles() {
     // Odd ones read even ones and the other way round, and the two never meet at an instant.
     let all = links(|to, input| Some((to + 1 + 2 * input) % PARTICIPANTS));
     let plan = plan(Kind::Sampled, |number| (number % 2) as i64, all).unwrap();
@@ -90,7 +90,7 @@ fn open_circles_of_the_largest_plan_are_ordered() {
 }
 
 #[test]
-fn every_mistake_of_the_largest_plan_is_named() {
+fn largest_plan_reports_every_error() {
     let all = links(|to, input| Some((to + input) % PARTICIPANTS));
     let twice: Vec<_> = all.iter().flat_map(|link| [*link, *link]).collect();
     let errors = plan(Kind::Continuous, |_| 0, twice).unwrap_err();
@@ -115,7 +115,7 @@ impl Participant for Idle {
 }
 
 #[test]
-fn activations_of_many_come_by_instant_and_rank() {
+fn loop_steps_by_instant_and_rank() {
     // Five periods, and offsets of which some coincide.
     let specs = (0..PARTICIPANTS as i128).map(|number| ParticipantSpec {
         name: format!("p{number:03}"),

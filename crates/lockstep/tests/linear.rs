@@ -146,7 +146,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 600, ..ProptestConfig::default() })]
 
     #[test]
-    fn linear_hold_reads_what_its_formula_says(times in times(), kind in kinds()) {
+    fn linear_hold_matches_interpolation_formula(times in times(), kind in kinds()) {
         for (k, found) in heard(kind, times, Hold::Linear).into_iter().enumerate() {
             let t = times.reads_from + k as i64 * times.reads_every;
             let then = t - times.delay;
@@ -171,7 +171,7 @@ proptest! {
     }
 
     #[test]
-    fn delay_of_a_period_or_more_is_a_delay_of_the_signal(times in times(), kind in kinds()) {
+    fn linear_hold_with_long_delay_shifts_signal(times in times(), kind in kinds()) {
         let times = Times { delay: times.delay.max(times.period), ..times };
         let period = times.period as f64 / 1e6;
         // The second derivative is at most 40^2 + 6.
@@ -187,7 +187,7 @@ proptest! {
 }
 
 #[test]
-fn linear_hold_without_delay_is_the_last_sample() {
+fn linear_hold_without_delay_reads_last_sample() {
     let times = Times {
         period: 3_000,
         offset: 500,

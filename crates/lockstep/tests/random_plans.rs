@@ -41,7 +41,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 1500, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
     #[test]
-    fn the_loop_does_what_the_reference_does(world in worlds()) {
+    fn loop_equals_reference_executor(world in worlds()) {
         let plan = planned(&world)?;
         let tape = Shared::new(&plan);
         let steppers = assemble(&plan, world.participants(), |_| Box::new(tape.clone()));
@@ -50,7 +50,7 @@ proptest! {
     }
 
     #[test]
-    fn stopping_on_the_way_changes_nothing(world in worlds(), stops in prop::collection::vec(0_i64..10_000, 0..5)) {
+    fn loop_with_pauses_equals_reference(world in worlds(), stops in prop::collection::vec(0_i64..10_000, 0..5)) {
         let plan = planned(&world)?;
         let tape = Shared::new(&plan);
         let mut run = InLoop::new(&plan, assemble(&plan, world.participants(), |_| Box::new(tape.clone())));
@@ -75,7 +75,7 @@ proptest! {
     /// Held before any steps, with others held in between, and let go: nothing of the tape changes. Where one is held, everything before the
     /// instant is done.
     #[test]
-    fn holding_before_steps_changes_nothing(world in worlds(), holds in prop::collection::vec((0_usize..6, 1_usize..4), 0..20)) {
+    fn loop_with_held_steps_equals_reference(world in worlds(), holds in prop::collection::vec((0_usize..6, 1_usize..4), 0..20)) {
         let plan = planned(&world)?;
         let tape = Shared::new(&plan);
         let mut run = InLoop::new(&plan, assemble(&plan, world.participants(), |_| Box::new(tape.clone())));
@@ -114,7 +114,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 1000, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
     #[test]
-    fn unseen_samples_are_not_computed_and_change_nothing(
+    fn executor_skips_unseen_samples_without_changes(
         world in worlds(),
         observed in prop::collection::vec(observed(), 18),
         threads in any::<bool>(),
@@ -146,7 +146,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 1000, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
     #[test]
-    fn taken_up_again_at_any_instant_it_is_the_same_run(world in worlds(), stop in 0_i64..10_000) {
+    fn run_resumed_at_any_instant_equals_reference(world in worlds(), stop in 0_i64..10_000) {
         let plan = planned(&world)?;
         let tape = Shared::new(&plan);
         let mut run = InLoop::new(&plan, assemble(&plan, world.participants(), |_| Box::new(tape.clone())));
@@ -157,7 +157,7 @@ proptest! {
     }
 
     #[test]
-    fn resume_from_any_positions_is_the_same_run(
+    fn run_resumed_from_any_positions_equals_reference(
         world in worlds(),
         turns in prop::collection::vec(0_usize..6, 0..200),
     ) {
@@ -184,7 +184,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
     #[test]
-    fn threads_do_what_the_reference_does(world in worlds()) {
+    fn threads_equal_reference_executor(world in worlds()) {
         let plan = planned(&world)?;
         let tape = Shared::new(&plan);
         run_in_threads(assemble(&plan, world.participants(), |_| Box::new(tape.clone())), plan.end).unwrap();

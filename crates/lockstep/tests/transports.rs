@@ -68,16 +68,16 @@ macro_rules! every_link {
 }
 
 every_link!(
-    an_empty_link_has_nothing,
-    a_sample_arrives_whole,
-    a_full_link_takes_nothing_and_loses_nothing,
-    a_sample_of_another_size_is_refused,
-    it_is_a_queue_whatever_the_order_of_calls,
+    empty_link_returns_no_sample,
+    link_delivers_sample_unchanged,
+    full_link_rejects_sample_and_keeps_queue,
+    link_rejects_sample_of_wrong_size,
+    link_is_fifo_queue_for_any_call_order,
 );
 
 type Make = fn(usize, usize) -> Link;
 
-fn an_empty_link_has_nothing(make: Make) {
+fn empty_link_returns_no_sample(make: Make) {
     let mut link = make(16, 2);
     assert_eq!(link.receive(16), None);
     assert!(link.send(0, 16));
@@ -85,7 +85,7 @@ fn an_empty_link_has_nothing(make: Make) {
     assert_eq!(link.receive(16), None, "a sample is received once");
 }
 
-fn a_sample_arrives_whole(make: Make) {
+fn link_delivers_sample_unchanged(make: Make) {
     for size in [1, 7, 8, 216, 4096, 100_000] {
         let mut link = make(size, 1);
         for index in [0, 1, u64::MAX >> 12] {
@@ -95,7 +95,7 @@ fn a_sample_arrives_whole(make: Make) {
     }
 }
 
-fn a_full_link_takes_nothing_and_loses_nothing(make: Make) {
+fn full_link_rejects_sample_and_keeps_queue(make: Make) {
     for capacity in [1, 2, 13] {
         let mut link = make(24, capacity);
         for index in 0..capacity as u64 {
@@ -111,7 +111,7 @@ fn a_full_link_takes_nothing_and_loses_nothing(make: Make) {
     }
 }
 
-fn a_sample_of_another_size_is_refused(make: Make) {
+fn link_rejects_sample_of_wrong_size(make: Make) {
     let mut link = make(16, 2);
     let (header, payload) = sample(0, 24);
     assert!(link.sender.try_send(header, &payload).is_err());
@@ -121,7 +121,7 @@ fn a_sample_of_another_size_is_refused(make: Make) {
     assert!(link.receiver.try_receive(&mut [0; 8]).is_err());
 }
 
-fn it_is_a_queue_whatever_the_order_of_calls(make: Make) {
+fn link_is_fifo_queue_for_any_call_order(make: Make) {
     let plans = (1..20_usize, prop::collection::vec(any::<bool>(), 0..400));
     proptest!(ProptestConfig::with_cases(24), |((capacity, calls) in plans)| {
         let mut link = make(40, capacity);
@@ -142,7 +142,7 @@ fn it_is_a_queue_whatever_the_order_of_calls(make: Make) {
 }
 
 #[test]
-fn a_record_brings_every_entry_whole_and_in_order_however_the_recorder_lags() {
+fn record_delivers_entries_in_order_to_lagging_recorder() {
     // From a word to more than is taken at a time; some thousand of the large ones go several times round the ring.
     let sizes = prop::collection::vec(prop_oneof![1..64_usize, 64..3000_usize, 33_000..50_000_usize], 1..4);
     let plans = (sizes, prop::collection::vec(0..40_u64, 1..60));

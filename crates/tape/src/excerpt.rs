@@ -200,7 +200,7 @@ mod tests {
     use lockstep::port::{Element, Field};
 
     #[test]
-    fn window_that_ends_before_it_begins_is_refused() {
+    fn excerpt_rejects_reversed_window() {
         let tape = tape();
         let chosen = |from: i64, to: i64| {
             let choice = Choice {
@@ -261,14 +261,14 @@ mod tests {
     }
 
     #[test]
-    fn nothing_chosen_is_everything() {
+    fn empty_excerpt_spec_selects_whole_tape() {
         let tape = tape();
         let all = Excerpt::new(&tape, &Choice::default()).unwrap();
         assert_eq!(all.digest().unwrap(), tape.digest().unwrap());
     }
 
     #[test]
-    fn fields_and_times_are_those_of_the_tape() {
+    fn excerpt_keeps_fields_and_times_of_tape() {
         let tape = tape();
         let some = Excerpt::new(&tape, &choice(&["a.y.w", "a.y.v"], Some(950), Some(2000))).unwrap();
         assert_eq!(some.streams().len(), 1);
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn window_without_a_sample_and_an_unknown_name_are_refused() {
+    fn excerpt_rejects_empty_window_and_unknown_name() {
         let tape = tape();
         for (from, to, told) in [
             (Some(5000), None, "lies at or after 5 s"),

@@ -211,7 +211,7 @@ mod tests {
     use crate::{Reader, Source, digest_of};
 
     #[test]
-    fn a_tape_that_was_cut_back_is_that_of_a_run_that_came_so_far() {
+    fn truncated_tape_equals_tape_of_shorter_run() {
         let (cut, whole) = (scratch("cut-back"), scratch("cut-back-whole"));
         let streams = || vec![spec("a", "x", 2), spec("b", "y", 3)];
         let (mut writer, mut other) = (
@@ -242,7 +242,7 @@ mod tests {
 
     /// Streams at different rates, one of them with payloads that are larger than the usual block.
     #[test]
-    fn a_thread_writes_what_is_written_without_and_a_flush_waits_for_it() {
+    fn writer_thread_gives_same_tape_as_direct_writes() {
         const DOUBLES: [u64; 3] = [2, 30, 9000];
         let (alone, beside) = (scratch("alone"), scratch("beside"));
         let streams = || {
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_writer_that_is_dropped_leaves_its_samples_and_neither_a_thread_nor_an_open_file() {
+    fn dropped_writer_keeps_samples_and_frees_thread_and_file() {
         let dir = scratch("dropped");
         let mut writer = Writer::create(&dir, vec![spec("a", "x", 30)]).unwrap();
         writer.desk.start_thread();
@@ -295,7 +295,7 @@ mod tests {
     /// A device that is always full, behind a thread: the error is reported, no other stream is held up, and nothing is lost once there
     /// is space again.
     #[test]
-    fn a_full_disk_behind_a_thread_is_told_and_holds_up_no_other_stream() {
+    fn writer_thread_reports_full_disk_per_stream() {
         let dir = scratch("full-beside");
         let mut writer = Writer::create(&dir, vec![spec("a", "x", 2), spec("b", "y", 30)]).unwrap();
         let disk = std::mem::replace(&mut writer.desk.file(1).file, File::create("/dev/full").unwrap());
@@ -322,7 +322,7 @@ mod tests {
 
     /// A device that is always full stands in for the stream's file.
     #[test]
-    fn a_full_disk_is_named_and_the_tape_stays_readable() {
+    fn writer_names_full_file_and_keeps_tape_readable() {
         let dir = scratch("full");
         let mut writer = Writer::create(&dir, vec![spec("a", "x", 2), spec("b", "y", 3)]).unwrap();
         let disk = std::mem::replace(&mut writer.desk.file(1).file, File::create("/dev/full").unwrap());

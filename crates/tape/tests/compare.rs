@@ -41,7 +41,7 @@ fn check(change: impl Fn(&str, u64, &mut Vec<u8>)) -> Comparison {
 }
 
 #[test]
-fn equal_tapes_are_identical_whatever_the_order_of_streams() {
+fn comparison_ignores_order_of_streams() {
     let mut reversed = streams();
     reversed.reverse();
     let result = compare(
@@ -54,7 +54,7 @@ fn equal_tapes_are_identical_whatever_the_order_of_streams() {
 }
 
 #[test]
-fn the_earliest_difference_is_told_and_the_largest_of_each_field() {
+fn comparison_reports_first_and_largest_differences() {
     let result = check(|port, k, bytes| match (port, k) {
         ("truth", 300..) => set(bytes, 2, (k + 2) as f64 + if k == 450 { -4.0 } else { 0.5 }),
         ("command", 20) => set(bytes, 0, 7.0),
@@ -78,7 +78,7 @@ fn the_earliest_difference_is_told_and_the_largest_of_each_field() {
 }
 
 #[test]
-fn differences_that_no_number_shows_are_still_differences() {
+fn comparison_detects_bitwise_differences() {
     let negative_zero = check(|port, k, bytes| {
         if (port, k) == ("command", 0) {
             set(bytes, 0, -0.0);
@@ -100,7 +100,7 @@ fn differences_that_no_number_shows_are_still_differences() {
 }
 
 #[test]
-fn streams_that_do_not_match_are_named() {
+fn comparison_names_mismatched_streams() {
     let mut other = streams();
     other[0].descriptor.fields[0].unit = "cm".into();
     other.push(spec("guidance", "setpoint", scalar(), "0 s", "10 ms"));

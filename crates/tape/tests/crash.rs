@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use tape::{AppendError, Reader, Records, Source, StreamSpec, Writer};
 
 /// Set in the child that plays the program to be killed: the folder to record to.
-const VICTIM: &str = "RECORDER_TEST_VICTIM";
+const KILLED_WRITER: &str = "RECORDER_TEST_VICTIM";
 
 fn streams() -> Vec<StreamSpec> {
     vec![
@@ -42,8 +42,8 @@ fn assert_prefix(reader: &Reader) {
 
 /// Not a test of its own: the program that the next one kills.
 #[test]
-fn victim() {
-    let Some(dir) = std::env::var_os(VICTIM) else { return };
+fn killed_writer_process() {
+    let Some(dir) = std::env::var_os(KILLED_WRITER) else { return };
     let mut writer = Writer::create(dir.as_ref(), streams()).unwrap();
     for k in 0.. {
         append(&mut writer, 0, k).unwrap();
@@ -58,12 +58,12 @@ fn victim() {
 }
 
 #[test]
-fn a_killed_writer_leaves_what_it_had_flushed() {
+fn killed_writer_keeps_flushed_samples() {
     let scratch = Scratch::new("kill");
     let dir = scratch.join("tape");
     let mut child = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "victim", "--nocapture"])
-        .env(VICTIM, &dir)
+        .args(["--exact", "killed_writer_process", "--nocapture"])
+        .env(KILLED_WRITER, &dir)
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()
@@ -81,7 +81,7 @@ fn a_killed_writer_leaves_what_it_had_flushed() {
 
 /// A file system of 256 KiB. Needs the right to mount; where that is missing, the unit test with `/dev/full` has to do.
 #[test]
-fn a_disk_that_fills_up_leaves_a_readable_tape() {
+fn full_disk_leaves_readable_tape() {
     let scratch = Scratch::new("tmpfs");
     let mounted = Command::new("mount")
         .args(["-t", "tmpfs", "-o", "size=256k", "tmpfs"])
@@ -128,7 +128,7 @@ proptest! {
 
     /// Cut anywhere, a stream file is a prefix, and what is torn is told.
     #[test]
-    fn a_torn_record_is_left_out_and_reported(keep in 0_u64..56 * 40) {
+    fn reader_omits_and_reports_incomplete_record(keep in 0_u64..56 * 40) {
         let scratch = Scratch::new("torn");
         let dir = recorded(&scratch, 40);
         let file = OpenOptions::new().write(true).open(dir.join("plant.truth.bin")).unwrap();
@@ -147,7 +147,7 @@ proptest! {
 
     /// One byte changed anywhere: an error or another digest, never a panic, and the seal does not fit any more.
     #[test]
-    fn a_damaged_folder_never_panics(which in 0_usize..4, at in any::<prop::sample::Index>(), flip in 1_u8..) {
+    fn reader_never_panics_on_damaged_folder(which in 0_usize..4, at in any::<prop::sample::Index>(), flip in 1_u8..) {
         let scratch = Scratch::new("damage");
         let dir = recorded(&scratch, 40);
         let path = dir.join(["index.json", "seal.json", "plant.truth.bin", "controller.command.bin"][which]);
@@ -174,7 +174,7 @@ proptest! {
 
     /// Any text at all in place of the index.
     #[test]
-    fn a_foreign_index_never_panics(text in "\\PC{0,200}", prefix in any::<bool>()) {
+    fn reader_never_panics_on_foreign_index(text in "\\PC{0,200}", prefix in any::<bool>()) {
         let scratch = Scratch::new("foreign");
         let dir = recorded(&scratch, 1);
         let text = if prefix {
@@ -189,7 +189,7 @@ proptest! {
 }
 
 #[test]
-fn hostile_indices_are_errors_that_name_the_file() {
+fn reader_rejects_invalid_index_naming_file() {
     let scratch = Scratch::new("hostile");
     let dir = recorded(&scratch, 3);
     let good = fs::read_to_string(dir.join("index.json")).unwrap();

@@ -36,7 +36,7 @@ fn feed(sink: &mut dyn Sink, streams: &[StreamSpec], counts: &[u64], order: u64)
 }
 
 #[test]
-fn a_tape_comes_back_bit_for_bit() {
+fn tape_round_trips_bit_for_bit() {
     let scratch = Scratch::new("tape");
     let dir = scratch.join("tape");
     let mut streams = two_streams();
@@ -91,7 +91,7 @@ fn a_tape_comes_back_bit_for_bit() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_and_leaves_no_trace() {
+fn writer_rejects_invalid_sample_without_trace() {
     let scratch = Scratch::new("refuse");
     let streams = two_streams();
     let mut writer = Writer::create(&scratch.join("t"), streams.clone()).unwrap();
@@ -130,7 +130,7 @@ fn what_does_not_fit_is_refused_and_leaves_no_trace() {
 }
 
 #[test]
-fn unsound_streams_are_refused_before_anything_is_made() {
+fn writer_rejects_invalid_streams_before_creation() {
     let scratch = Scratch::new("unsound");
     let refuse = |change: fn(&mut StreamSpec), part: &str| {
         let mut streams = two_streams();
@@ -191,7 +191,7 @@ proptest! {
 
     /// File, memory and bare hash agree, whatever the order between streams, the order of declaration and the flushes.
     #[test]
-    fn the_digest_does_not_depend_on_arrival(
+    fn digest_is_independent_of_arrival_order(
         counts in prop::collection::vec(0_u64..3000, 2),
         orders in (any::<u64>(), any::<u64>()),
         flush_at in 0_u64..100,
@@ -222,7 +222,7 @@ proptest! {
 }
 
 #[test]
-fn a_pipe_in_place_of_a_file_is_refused_and_not_waited_for() {
+fn reader_rejects_pipe_in_place_of_file() {
     let scratch = Scratch::new("pipe");
     let dir = scratch.join("tape");
     Writer::create(&dir, two_streams()).unwrap().finish().unwrap();

@@ -31,7 +31,7 @@ mod tests {
 
     /// The first numbers from seed 0 as the authors' own program gives them.
     #[test]
-    fn first_numbers_are_those_of_the_authors() {
+    fn splitmix_matches_published_numbers() {
         let mut random = SplitMix(0);
         assert_eq!(
             [random.bits(), random.bits(), random.bits()],

@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn every_effect_is_what_it_says_and_ends_with_its_span() {
+    fn fault_effect_acts_only_within_its_window() {
         let inside = |effect: Effect, expected: &dyn Fn(usize) -> f64| {
             for (k, x) in left(effect.clone()).into_iter().enumerate() {
                 let expected = if (10..20).contains(&k) { expected(k) } else { truth(k) };
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flipped_bit_is_one_bit_and_may_make_a_nan() {
+    fn bit_flip_changes_one_bit_and_may_give_nan() {
         let mut flip = injector(
             &[SLOT],
             Effect::BitFlip {
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn integers_are_rounded_and_stay_in_their_range() {
+    fn fault_effect_rounds_and_saturates_integers() {
         let slot = Slot {
             offset: 0,
             element: Element::U8,
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stuck_stays_stuck_across_a_hand_over() {
+    fn stuck_value_is_kept_across_injector_transfer() {
         let mut first = injector(&[SLOT], Effect::Stuck(None));
         let mut payload = 3.25_f64.to_le_bytes();
         first.apply(10, 10, &mut payload);

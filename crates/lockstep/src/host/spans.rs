@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_finds_no_room_is_counted_behind_what_is_kept() {
+    fn spans_count_dropped_after_kept() {
         let mut spans = Spans::new(Detail::Waits);
         let count = KEPT as u64 + 10;
         (0..count).for_each(|at| spans.waited(at, Doing::Recorder, 0, at, at + 1));
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn only_steps_are_kept_where_waits_are_not_requested() {
+    fn spans_omit_waits_unless_requested() {
         let mut spans = Spans::new(Detail::Steps);
         spans.waited(0, Doing::Horizon, 0, 0, 1);
         assert_eq!(spans.event(), None);

@@ -149,12 +149,12 @@ mod tests {
     }
 
     #[test]
-    fn an_order_that_suits_is_kept() {
+    fn suitable_wake_up_order_is_kept() {
         assert_eq!(changes(&mut Turns::default(), 100_000, 1), 0);
     }
 
     #[test]
-    fn one_that_does_not_is_changed_soon_and_where_that_does_not_help_ever_more_rarely() {
+    fn unsuitable_wake_up_order_is_changed_ever_more_rarely() {
         let mut turns = Turns::default();
         assert_eq!(changes(&mut turns, Turns::WINDOW, 2), 1);
         let later = changes(&mut turns, 100_000, 2);

@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn element_holds_a_type_exactly_when_every_value_comes_back() {
+    fn element_holds_type_iff_all_values_round_trip() {
         let all = [
             (
                 Element::F64,
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn value_is_scaled_then_shifted_and_kept_where_neither_is_asked() {
+    fn conversion_scales_then_offsets_or_copies_value() {
         let value = 0.1_f64.to_le_bytes();
         let of = |scale, offset| {
             let bytes = converted(Element::F64, &value, Element::F64, scale, offset);
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn sum_starts_at_zero_and_is_made_again_each_time() {
+    fn sum_conversion_restarts_from_zero() {
         let add = |scale, offset| Conversion {
             message: Descriptor {
                 name: "x".into(),

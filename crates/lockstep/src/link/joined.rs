@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_that_are_copied_go_over_in_one_piece() {
+    fn prepared_conversion_merges_adjacent_copies() {
         let copied = |from: usize, to: usize, len: usize| Copied {
             from: 8 * from,
             to: 8 * to,
@@ -209,7 +209,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_joined_does_what_its_pairs_do(
+        fn prepared_conversion_equals_its_pairs(
             pairs in pairs(),
             sample in prop::collection::vec(-1e6..1e6, ELEMENTS as usize),
             initial in prop::collection::vec(-1e6..1e6, ELEMENTS as usize),

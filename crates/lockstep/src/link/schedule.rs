@@ -188,7 +188,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_read_is_the_one_found_by_search(
+        fn read_schedule_equals_exhaustive_search(
             (offset, period, consumer_offset, consumer_period) in (0_i64..30, 1_i64..20, 0_i64..30, 1_i64..25),
             (delay, delay_parts, jitter) in (0_i64..100, 1_i64..7, 0_i64..60),
             drop in prop_oneof![Just(0.0), Just(1.0), 0.0..1.0],
@@ -242,7 +242,7 @@ mod tests {
         }
 
         #[test]
-        fn a_link_fault_concerns_the_samples_stamped_within_its_span(
+        fn link_fault_affects_only_samples_within_its_window(
             (at, length) in (0_i64..60, 0_i64..60),
             (delay, extra, parts) in (0_i64..40, 0_i64..40, 1_i64..7),
             (before, drop) in (prop_oneof![Just(0.0), 0.0..1.0], prop_oneof![Just(0.0), Just(1.0), 0.0..1.0]),
@@ -280,7 +280,7 @@ mod tests {
         }
 
         #[test]
-        fn delays_are_exact(delay in 0_i128..1_000_000, jitter in 0_i128..1_000_000, parts in 1_i128..1000, seed in any::<u64>()) {
+        fn delay_stays_within_exact_bounds(delay in 0_i128..1_000_000, jitter in 0_i128..1_000_000, parts in 1_i128..1000, seed in any::<u64>()) {
             let timebase = Timebase::measuring([Rational::new(1, 300).unwrap(), Rational::from_millis(1)]).unwrap();
             let timing = Timing {
                 delay: Rational::new(delay, parts * 1000).unwrap(),

@@ -330,7 +330,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn weight_does_not_depend_on_the_tick() {
+    fn interpolation_weight_is_independent_of_tick() {
         let fraction = |denominator: i128| Rational::new(1, denominator).unwrap();
         let coarse = Timebase::measuring([fraction(300)]).unwrap();
         let fine = Timebase::measuring([fraction(300), fraction(700)]).unwrap();

@@ -341,7 +341,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn payload_passes_where_all_of_its_numbers_are_finite(
+        fn value_check_passes_finite_payloads_only(
             doubles in prop::collection::vec(bits(11, 64), 7),
             singles in prop::collection::vec(bits(8, 32), 5),
         ) {

@@ -56,7 +56,7 @@ mod tests {
     use crate::time::{Rational, Timebase};
 
     #[test]
-    fn longest_part_of_the_delay_is_named() {
+    fn capacity_error_names_longest_part_of_delay() {
         let second = Rational::from_millis(1000);
         let hour = Rational::from_millis(3_600_000);
         let refused = |delay: Rational, jitter: Rational, extra: Rational| {

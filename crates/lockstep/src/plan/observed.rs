@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn part_of_a_stream_has_every_so_manyth_sample() {
+    fn observed_part_contains_every_nth_sample() {
         let part = Observed {
             every: 4,
             first: 2,
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn union_observes_what_either_does() {
+    fn union_contains_samples_of_both() {
         let parts = [
             Observed::ALL,
             Observed::NOTHING,

@@ -362,7 +362,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_element_has_one_name() {
+    fn descriptor_resolves_each_element_by_one_name() {
         let field = |name: &str, shape: &[u32], offset: u32| Field {
             name: name.into(),
             element: Element::U8,

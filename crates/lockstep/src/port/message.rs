@@ -271,7 +271,7 @@ mod tests {
 
     /// In a format with byte strings and in one that has only lists of numbers.
     #[test]
-    fn a_message_is_a_state() {
+    fn message_round_trips_as_state() {
         let sample = Sample {
             position: [-0.0, f64::NAN, 1e-300],
             table: [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]],
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_describes_itself() {
+    fn message_descriptor_matches_declaration() {
         let descriptor = Sample::descriptor();
         assert_eq!(descriptor.validate(), Ok(()));
         assert_eq!(descriptor.size, 56);
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_of_unit_is_another_type() {
+    fn descriptor_with_other_unit_differs() {
         let descriptor = Sample::descriptor();
         let mut other = descriptor.clone();
         other.fields[0].unit = "cm".into();
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_descriptors_are_not_trusted() {
+    fn descriptor_validation_rejects_invalid_descriptors() {
         let good = Sample::descriptor();
         let spoil = |change: fn(&mut crate::port::Descriptor)| {
             let mut bad = good.clone();

@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn named_values_and_small_numbers_are_described() {
+    fn descriptor_lists_enum_values_and_small_integers() {
         let descriptor = Report::descriptor();
         assert_eq!(descriptor.validate(), Ok(()));
         let names: Vec<&str> = descriptor.fields.iter().map(|field| field.element.name()).collect();
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn byte_without_a_meaning_is_named() {
+    fn value_check_names_invalid_byte() {
         let descriptor = Report::descriptor();
         let spoilt = |offset: usize, byte: u8| {
             let mut payload = Payload::of(&report());
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn state_with_a_byte_without_a_meaning_is_refused() {
+    fn state_with_invalid_enum_byte_is_rejected() {
         let saved = crate::participant::state::to_bytes(&report()).unwrap();
         assert_eq!(
             crate::participant::state::from_bytes::<Report>(&saved).unwrap(),
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_enumerations_are_not_trusted() {
+    fn descriptor_validation_rejects_invalid_enumerations() {
         let spoil = |change: fn(&mut Descriptor)| {
             let mut bad = Report::descriptor();
             change(&mut bad);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn list_of_values_is_read_from_text() {
+    fn enum_values_are_parsed_from_text() {
         let list = EnumValue::list("closed = 0, open=1").unwrap();
         assert_eq!(list, [EnumValue::new("closed", 0), EnumValue::new("open", 1)]);
         for text in ["", "closed", "closed = 256", "closed = -1", "closed = 0,"] {

@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn room_is_described() {
+    fn descriptor_states_room_of_texts_and_bytes() {
         let descriptor = Report::descriptor();
         assert_eq!(descriptor.validate(), Ok(()));
         assert_eq!(descriptor.size, 32);
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_bytes_are_looked_at() {
+    fn value_check_rejects_invalid_texts_and_bytes() {
         let descriptor = Report::descriptor();
         let check = ValueCheck::new(&descriptor, true);
         let spoilt = |changes: &[(usize, u8)]| {
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_cut_off() {
+    fn text_and_bytes_reject_content_beyond_room() {
         let mut text = Text::<4>::new("abcd").unwrap();
         assert_eq!(text.set("abcde"), Err(TooLong { length: 5, room: 4 }));
         assert_eq!(text.as_str(), "abcd");
@@ -367,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn room_holds_what_fits() {
+    fn element_holds_texts_and_bytes_with_less_room() {
         let (small, large) = (Element::Text(4), Element::Text(8));
         assert!(large.holds(small) && !small.holds(large) && large.holds(large));
         assert!(Element::Bytes(8).holds(Element::Bytes(8)) && !Element::Bytes(8).holds(small));
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_room_is_not_trusted() {
+    fn descriptor_validation_rejects_invalid_room() {
         let spoil = |change: fn(&mut Descriptor)| {
             let mut bad = Report::descriptor();
             change(&mut bad);

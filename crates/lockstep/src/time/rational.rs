@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_what_users_write() {
+    fn time_parser_accepts_common_notations() {
         check("10 ms", 1, 100);
         check("10ms", 1, 100);
         check("30 Hz", 1, 30);
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_not_a_time() {
+    fn time_parser_rejects_other_texts() {
         for text in [
             "", "10", "ms", "ten ms", "10 m", "1/0 s", "0 Hz", "-2 Hz", "1 2 s", "1e99 s", "0.2 deg",
         ] {
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn refusal_names_text_and_defect() {
+    fn time_error_names_text_and_defect() {
         for (text, part) in [
             ("1/0 s", "denominator zero"),
             ("0/0 ms", "denominator zero"),
@@ -423,20 +423,20 @@ mod tests {
 
     /// 2^53 + 1 over a power of two: the integer is not a double, and lies in the middle between two.
     #[test]
-    fn numerator_beyond_doubles_is_rounded_to_even() {
+    fn nearest_double_rounds_ties_to_even() {
         assert_eq!(nearest_double((1 << 53) + 1, 4096), 2.0_f64.powi(41));
         assert_eq!(nearest_double((1 << 53) + 3, 4096), (2.0_f64.powi(53) + 4.0) / 4096.0);
     }
 
     proptest! {
         #[test]
-        fn text_round_trips(n in -1_000_000_i128..1_000_000, d in 1_i128..1_000_000) {
+        fn time_text_round_trips(n in -1_000_000_i128..1_000_000, d in 1_i128..1_000_000) {
             let value = Rational::new(n, d).unwrap();
             prop_assert_eq!(value.to_string().parse::<Rational>().unwrap(), value);
         }
 
         #[test]
-        fn the_common_measure_divides_both(a in 1_i128..100_000, b in 1_i128..100_000, c in 1_i128..100_000, d in 1_i128..100_000) {
+        fn common_measure_divides_both_times(a in 1_i128..100_000, b in 1_i128..100_000, c in 1_i128..100_000, d in 1_i128..100_000) {
             let (x, y) = (Rational::new(a, b).unwrap(), Rational::new(c, d).unwrap());
             let measure = x.common_measure(y).unwrap();
             for value in [x, y] {
@@ -450,7 +450,7 @@ mod tests {
 
         /// The result is the closest double: neither neighbour is nearer. Distances are compared as exact integers.
         #[test]
-        fn the_double_is_the_nearest(n in 1_i128 << 53..1 << 62, d in 1_i128 << 12..1 << 30) {
+        fn nearest_double_has_smallest_error(n in 1_i128 << 53..1 << 62, d in 1_i128 << 12..1 << 30) {
             let nearest = nearest_double(n, d);
             // |x - n/d| scaled by d * 2^shift; the quotient lies in [2^23, 2^50], so the mantissa always needs a shift
             let error = |x: f64| {

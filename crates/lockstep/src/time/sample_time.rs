@@ -157,7 +157,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_tick_measures_odd_rates() {
+    fn tick_is_common_measure_of_odd_rates() {
         let base = Timebase::measuring(["1 ms", "30 Hz", "1/300 s"].map(|t| t.parse().unwrap())).unwrap();
         assert_eq!(base.tick(), "1/3000 s".parse().unwrap());
         assert_eq!(base.ceil("30 Hz".parse().unwrap()).unwrap(), 100);
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn no_drift_after_hours() {
+    fn sample_time_has_no_drift_after_hours() {
         let base = Timebase::measuring(["1 ms".parse().unwrap()]).unwrap();
         assert_eq!(base.seconds(256_040), 256.040);
         assert_eq!(base.seconds(36_000_001), 36_000.001);
@@ -174,7 +174,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn meeting_instants_are_those_of_a_search(
+        fn sample_time_intersection_equals_search(
             (o1, p1, o2, p2) in (0_i64..60, 1_i64..40, 0_i64..60, 1_i64..40)
         ) {
             let (a, b) = (SampleTime { offset: o1, period: p1 }, SampleTime { offset: o2, period: p2 });
@@ -188,7 +188,7 @@ mod tests {
         }
 
         #[test]
-        fn counts_and_indices_agree(offset in -50_i64..50, period in 1_i64..20, end in -60_i64..300) {
+        fn sample_time_counts_match_indices(offset in -50_i64..50, period in 1_i64..20, end in -60_i64..300) {
             let sample_time = SampleTime { offset, period };
             let counted = (0..).map(|k| sample_time.instant(k)).take_while(|t| *t < end).count() as u64;
             prop_assert_eq!(sample_time.count_before(end), counted);

@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn quantities_are_converted() {
+    fn parser_converts_quantities_to_si() {
         let inertia = Dimension::new(2, 1, 0, 0);
         for (text, dimension, expected) in [
             ("0.5 m", M, 0.5),
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_given_in_the_unit_of_a_message() {
+    fn conversion_returns_values_in_requested_unit() {
         for (text, unit, expected) in [
             ("0.1 rad", "rad", 0.1),
             ("180 deg", "rad", std::f64::consts::PI),
@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_the_quantity_is_refused_with_the_remedy() {
+    fn parser_rejects_other_quantities_with_remedy() {
         for (text, dimension, part) in [
             ("0.5", M, "has no unit"),
             ("[1, 2, 3]", M, "has no unit"),

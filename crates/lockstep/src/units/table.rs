@@ -42,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_number_is_read_where_a_decimal_one_is_meant() {
+    fn table_accepts_integer_for_decimal_number() {
         #[derive(Debug, serde::Deserialize)]
         struct Plain {
             factor: f64,
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn a_struct_reads_si_values() {
+    fn table_reads_quantities_as_si_values() {
         let text = "[inner]\nangle = '180 deg'\nplace = '[1, 2, 3] mm'\nlimit = '4 N'";
         let inner = read::<Outer>(&toml::from_str(text).unwrap()).unwrap().inner;
         assert!((inner.angle.si() - std::f64::consts::PI).abs() < 1e-15);
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_names_the_key_the_value_and_the_remedy() {
+    fn table_error_names_key_value_and_remedy() {
         for (text, key, part) in [
             ("angle = 2.5\nplace = '[1, 2, 3] m'", "inner.angle", "`2.5` has no unit"),
             (

@@ -52,6 +52,6 @@ fn sleeping_participant_sees_horizon_and_command() {
 
 #[test]
 #[should_panic(expected = "deadlock")]
-fn without_a_notification_it_does_not() {
+fn participant_without_notification_sleeps_forever() {
     go_along(false);
 }

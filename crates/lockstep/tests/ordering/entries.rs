@@ -82,36 +82,36 @@ fn record(activations: u64, lacks: [Option<Ordering>; 2]) {
 }
 
 #[test]
-fn activations_arrive_whole_and_in_order_round_the_ring() {
+fn record_delivers_whole_activations_in_order_after_wrap() {
     record(3, [None, None]);
 }
 
 #[test]
 #[should_panic(expected = "Causality violation")]
-fn commit_needs_its_release() {
+fn record_commit_requires_release() {
     record(1, [Some(Ordering::Release), None]);
 }
 
 #[test]
 #[should_panic(expected = "Causality violation")]
-fn reading_a_commit_needs_its_acquire() {
+fn record_commit_read_requires_acquire() {
     record(1, [None, Some(Ordering::Acquire)]);
 }
 
 #[test]
 #[should_panic(expected = "Causality violation")]
-fn counting_needs_its_release() {
+fn entry_count_requires_release() {
     record(2, [None, Some(Ordering::Release)]);
 }
 
 #[test]
 #[should_panic(expected = "Causality violation")]
-fn looking_for_room_needs_its_acquire() {
+fn entry_room_check_requires_acquire() {
     record(2, [Some(Ordering::Acquire), None]);
 }
 
 #[test]
-fn death_within_an_activation_leaves_whole_ones() {
+fn sender_death_in_activation_leaves_whole_activations() {
     check(3, || {
         let (words, count) = (memory(LINE + 2 * SIZE), Board::new(0));
         let (participant_words, recorder_count) = (words.clone(), count.clone());
@@ -166,12 +166,12 @@ fn record_then_show(lacks: Option<Ordering>) {
 }
 
 #[test]
-fn shown_sample_is_in_the_record() {
+fn sample_seen_by_neighbour_is_in_record() {
     record_then_show(None);
 }
 
 #[test]
 #[should_panic(expected = "Causality violation")]
-fn showing_needs_its_release() {
+fn sample_after_commit_requires_release() {
     record_then_show(Some(Ordering::Release));
 }

@@ -59,18 +59,18 @@ fn hand_over(samples: u64, capacity: usize, lacks: Lacks) {
 }
 
 #[test]
-fn samples_arrive_whole_and_in_order_round_the_ring() {
+fn slot_ring_delivers_samples_in_order_after_wrap() {
     hand_over(5, 2, Lacks::default());
 }
 
 #[test]
-fn full_ring_is_not_overwritten() {
+fn slot_sender_does_not_overwrite_full_ring() {
     hand_over(3, 1, Lacks::default());
 }
 
 #[test]
 #[should_panic(expected = "Causality violation")]
-fn announcement_needs_its_release() {
+fn slot_announcement_requires_release() {
     let sender = Some(Ordering::Release);
     hand_over(
         1,
@@ -84,7 +84,7 @@ fn announcement_needs_its_release() {
 
 #[test]
 #[should_panic(expected = "Causality violation")]
-fn hearing_needs_its_acquire() {
+fn slot_reception_requires_acquire() {
     let receiver = Some(Ordering::Acquire);
     hand_over(
         1,
@@ -98,7 +98,7 @@ fn hearing_needs_its_acquire() {
 
 #[test]
 #[should_panic(expected = "Causality violation")]
-fn counting_needs_its_release() {
+fn slot_count_requires_release() {
     let receiver = Some(Ordering::Release);
     hand_over(
         2,
@@ -112,7 +112,7 @@ fn counting_needs_its_release() {
 
 #[test]
 #[should_panic(expected = "Causality violation")]
-fn looking_for_room_needs_its_acquire() {
+fn slot_room_check_requires_acquire() {
     let sender = Some(Ordering::Acquire);
     hand_over(
         2,

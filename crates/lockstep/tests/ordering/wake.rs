@@ -100,19 +100,19 @@ fn send_sleeping(samples: u64, lacks: [Option<Ordering>; 2]) {
 }
 
 #[test]
-fn no_wake_up_is_lost_in_either_direction() {
+fn sleeper_misses_no_wake_up_in_either_direction() {
     send_sleeping(3, [None, None]);
 }
 
 #[test]
 #[should_panic(expected = "deadlock")]
-fn waker_needs_its_fence() {
+fn waker_requires_fence() {
     send_sleeping(1, [Some(Ordering::SeqCst), None]);
 }
 
 #[test]
 #[should_panic(expected = "deadlock")]
-fn sleeper_needs_its_fence() {
+fn sleeper_requires_fence() {
     send_sleeping(1, [None, Some(Ordering::SeqCst)]);
 }
 
@@ -134,13 +134,13 @@ fn die_before_waking(noticed: bool) {
 }
 
 #[test]
-fn death_between_store_and_wake_up_loses_nothing_once_noticed() {
+fn receiver_wakes_when_sender_death_is_noticed() {
     die_before_waking(true);
 }
 
 /// What the longest sleep of [`Patience`] is for: nothing else would end it before the death is noticed.
 #[test]
 #[should_panic(expected = "deadlock")]
-fn death_between_store_and_wake_up_is_slept_through_until_noticed() {
+fn receiver_sleeps_until_sender_death_is_noticed() {
     die_before_waking(false);
 }

@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn dates_are_those_of_the_calendar() {
+    fn utc_text_matches_calendar() {
         check(0, "1970-01-01T00:00:00Z");
         check(-1, "1969-12-31T23:59:59Z");
         check(951_782_400, "2000-02-29T00:00:00Z");

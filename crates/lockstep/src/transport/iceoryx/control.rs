@@ -211,7 +211,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_request_that_reached_no_server_is_sent_again() {
+    fn client_resends_request_that_reached_no_server() {
         let place = Place::new();
         let client = ControlClient::create(&place.domain, "late").expect("a new domain has room");
         let (mut looks, mut server) = (0, None);

@@ -206,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn joining_a_run_that_is_gone_creates_nothing() {
+    fn join_of_missing_run_creates_nothing() {
         let folder = StdPath::new("/dev/shm").join(format!("gone_{}", std::process::id()));
         let address = Address {
             prefix: format!("gone_{}_", std::process::id()),
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_names_and_second_processes_are_refused_in_words() {
+    fn domain_rejects_unknown_names_and_second_process() {
         let place = Place::new();
         let _service = StatusService::create(&place.domain, "left", 2).unwrap();
         let domain = Domain::join(place.domain.address().clone(), "left").unwrap();

@@ -102,7 +102,7 @@ mod tests {
     use std::sync::atomic::{AtomicBool, Ordering};
 
     #[test]
-    fn received_sample_is_stable_while_its_sender_scribbles() {
+    fn received_sample_is_stable_while_sender_overwrites() {
         let place = Place::new();
         let service = LinkService::create(&place.domain, 0, 64, 4).expect("a new domain has room");
         let mut receiver = service.receiver(&place.domain).expect("the only receiver");

@@ -147,7 +147,7 @@ mod tests {
     use std::sync::atomic::{AtomicBool, Ordering};
 
     #[test]
-    fn taken_record_is_stable_while_its_writer_scribbles() {
+    fn record_entry_is_stable_while_writer_overwrites() {
         let draws = crate::random::Stream::new(2, "scribbles");
         for round in 0..20 {
             let place = Place::new();

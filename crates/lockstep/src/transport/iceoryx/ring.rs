@@ -259,7 +259,7 @@ mod tests {
     use crate::transport::lock_free::room::taken;
 
     #[test]
-    fn a_count_of_what_cannot_have_been_taken_is_refused() {
+    fn ring_rejects_impossible_progress_count() {
         let place = Place::new();
         let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
         let reader = service.reader(&place.domain).expect("the only reader");
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_waits_for_its_reader_and_is_cleared_where_it_must_be() {
+    fn ring_memory_waits_for_reader_and_is_cleared() {
         let place = Place::new();
         let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
         let mut writer = service.writer(&place.domain, 4, 2).expect("the only writer");

@@ -19,7 +19,7 @@ fn shared(words: &[u64]) -> Vec<Word> {
 }
 
 #[test]
-fn whatever_a_record_holds_it_ends_with_a_reason() {
+fn invalid_record_is_rejected_with_reason() {
     let sample = [3, 9, 5, 50, 1, 2];
     assert_eq!(read(&[sample, sample].concat()), Ok((2, 12)));
     for torn in [
@@ -51,7 +51,7 @@ fn whatever_a_record_holds_it_ends_with_a_reason() {
 }
 
 #[test]
-fn random_words_never_panic() {
+fn record_decoder_never_panics_on_random_words() {
     let draws = crate::random::Stream::new(1, "records");
     for round in 0..20_000 {
         let word = |at: u64| draws.bits(64 * round + at);

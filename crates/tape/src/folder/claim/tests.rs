@@ -22,7 +22,7 @@ fn run(root: &Path, plan: &str) {
 }
 
 #[test]
-fn refused_run_leaves_nothing_that_it_made() {
+fn dropped_reservation_removes_created_entries() {
     let root = crate::scratch_for_tests("refused").join("deep/down");
     let outermost = root.parent().unwrap().parent().unwrap().to_owned();
     fs::create_dir_all(&outermost).unwrap();
@@ -37,7 +37,7 @@ fn refused_run_leaves_nothing_that_it_made() {
 }
 
 #[test]
-fn replaced_run_comes_back_unless_the_new_one_begins() {
+fn previous_run_is_restored_unless_new_run_begins() {
     let root = crate::scratch_for_tests("replaced");
     run(&root, "old");
     let claim = Claim::of(&root, true).unwrap();
@@ -62,7 +62,7 @@ fn contents(root: &Path) -> [String; 2] {
 }
 
 #[test]
-fn run_that_a_killed_program_has_set_aside_comes_back() {
+fn run_set_aside_by_killed_program_is_restored() {
     let root = crate::scratch_for_tests("killed");
     let before = root.join(BEFORE);
     let back = || {
@@ -100,7 +100,7 @@ fn run_that_a_killed_program_has_set_aside_comes_back() {
 }
 
 #[test]
-fn run_that_has_been_replaced_never_comes_back() {
+fn replaced_run_is_never_restored() {
     let root = crate::scratch_for_tests("discarded");
     run(&root, "new");
     // Killed while the previous run was removed.
@@ -122,7 +122,7 @@ fn run_that_has_been_replaced_never_comes_back() {
 }
 
 #[test]
-fn nothing_but_a_run_is_replaced() {
+fn reservation_replaces_only_run_folders() {
     let root = crate::scratch_for_tests("precious");
     let refused = |part: &str| {
         let before = names(&root);
@@ -147,7 +147,7 @@ fn nothing_but_a_run_is_replaced() {
 }
 
 #[test]
-fn what_was_written_on_request_is_replaced_and_what_the_user_made_of_it_is_not() {
+fn reservation_replaces_recorded_outputs_only() {
     let root = crate::scratch_for_tests("outputs");
     run(&root, "old");
     let at = |name: &str| root.join(name);
@@ -182,7 +182,7 @@ fn what_was_written_on_request_is_replaced_and_what_the_user_made_of_it_is_not()
 }
 
 #[test]
-fn a_folder_with_something_in_it_is_refused_and_left_alone() {
+fn run_folder_rejects_non_empty_folder() {
     let root = crate::scratch_for_tests("folder");
     let first = RunFolder::create(&root).unwrap();
     first.write_json(&first.run(), &serde_json::json!({"a": 1})).unwrap();
@@ -194,7 +194,7 @@ fn a_folder_with_something_in_it_is_refused_and_left_alone() {
 }
 
 #[test]
-fn runs_of_the_same_instant_never_meet() {
+fn simultaneous_runs_get_distinct_folders() {
     let runs = crate::scratch_for_tests("runs");
     let roots: Vec<PathBuf> = std::thread::scope(|scope| {
         let threads: Vec<_> = (0..8)
