@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use lockstep::control::{ParticipantEvent, Reply, Request};
 use lockstep::participant::{Interface, Setup};
 use lockstep::time::Rational;
-use lockstep::transport::Broken;
+use lockstep::transport::TransportError;
 use lockstep::transport::iceoryx::{Address, unpack};
 use lockstep::{units, wire};
 use multibody::Description;
@@ -172,7 +172,7 @@ fn check(interface: &Interface) {
         }
         descriptor
             .invalid(&payload)
-            .for_each(|invalid| drop(invalid.words("it")));
+            .for_each(|invalid| drop(invalid.describe("it")));
         assert_eq!(descriptor.hash64(), descriptor.clone().hash64());
     }
 }
@@ -186,7 +186,7 @@ pub fn record(bytes: &[u8]) {
         .iter()
         .map(|word| u64::from_le_bytes(*word))
         .collect();
-    let result: Result<usize, Broken> = unpack(&words, |_| {
+    let result: Result<usize, TransportError> = unpack(&words, |_| {
         entries += 1;
         Ok(())
     });
@@ -232,7 +232,7 @@ pub fn tape(bytes: &[u8]) {
                 let _ = reader.read(stream, index, &mut record);
             }
         }
-        let _ = (reader.events(), reader.torn().len());
+        let _ = (reader.events(), reader.incomplete_records().len());
         if let Ok(comparison) = compare(&reader, &reader) {
             assert!(comparison.identical, "a tape is equal to itself");
         }
@@ -293,7 +293,7 @@ pub fn units(bytes: &[u8]) {
 enum Every {
     Angle(units::Quantity<units::Angle>),
     Speed(units::Vector<units::Speed, 3>),
-    Torque(units::Each<units::Torque, 7>),
+    Torque(units::PerAxis<units::Torque, 7>),
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
-use tape::folder::{MARKS, RECORD};
+use tape::folder::{REQUIRED_FILES, RUN_ENTRIES};
 
 use crate::refusal::Refusal;
 
@@ -28,7 +28,7 @@ pub fn folder_of(run: &Path) -> PathBuf {
         Some(_) => run.parent().unwrap_or(run).to_owned(),
         None => run.join(".."),
     };
-    let within = run.join("index.json").is_file() && MARKS.iter().any(|name| above.join(name).is_file());
+    let within = run.join("index.json").is_file() && REQUIRED_FILES.iter().any(|name| above.join(name).is_file());
     if within { above } else { run.to_owned() }
 }
 
@@ -41,8 +41,8 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
     match std::fs::metadata(path) {
         Ok(about) if !about.is_file() => std::fs::write(path, content),
         // A link to a file stays one.
-        Ok(_) => tape::write_whole(&std::fs::canonicalize(path)?, content),
-        Err(_) => tape::write_whole(path, content),
+        Ok(_) => tape::write_atomic(&std::fs::canonicalize(path)?, content),
+        Err(_) => tape::write_atomic(path, content),
     }
 }
 
@@ -65,11 +65,11 @@ fn part_of_run(path: &Path) -> Option<String> {
     {
         return Some(format!("it is a file of the tape in {}", folder.display()));
     }
-    let is_run = |folder: &&Path| MARKS.iter().all(|name| folder.join(name).is_file());
+    let is_run = |folder: &&Path| REQUIRED_FILES.iter().all(|name| folder.join(name).is_file());
     let folder = path.ancestors().skip(1).find(is_run)?;
     let first = path.strip_prefix(folder).ok()?.components().next()?;
     let name = first.as_os_str().to_string_lossy();
-    let part = RECORD.contains(&&*name);
+    let part = RUN_ENTRIES.contains(&&*name);
     part.then(|| format!("`{name}` is part of the run in {}", folder.display()))
 }
 

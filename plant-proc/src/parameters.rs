@@ -2,7 +2,7 @@
 //! their only imperfection.
 
 use interfaces::files::{Servicer, Target};
-use lockstep::units::{Angle, AngularRate, Each, Length, Quantity, Speed, Time, Vector};
+use lockstep::units::{Angle, AngularRate, Length, PerAxis, Quantity, Speed, Time, Vector};
 use serde::Deserialize;
 
 use crate::actuators::ActuatorParameters;
@@ -59,16 +59,16 @@ pub struct Start {
     #[serde(default = "not_turning")]
     pub rate: Vector<AngularRate, 3>,
     /// Joint angles.
-    pub joints: Each<Angle, 7>,
+    pub joints: PerAxis<Angle, 7>,
     /// Joint rates.
     #[serde(default = "joints_at_rest")]
-    pub joint_rates: Each<AngularRate, 7>,
+    pub joint_rates: PerAxis<AngularRate, 7>,
     /// Angles of the pendulum.
     #[serde(default = "hanging")]
-    pub slosh: Each<Angle, 2>,
+    pub slosh: PerAxis<Angle, 2>,
     /// Rates of the pendulum.
     #[serde(default = "hanging_still")]
-    pub slosh_rates: Each<AngularRate, 2>,
+    pub slosh_rates: PerAxis<AngularRate, 2>,
 }
 
 /// The target at the first instant.
@@ -130,14 +130,14 @@ const fn at_rest() -> Vector<Speed, 3> {
 const fn not_turning() -> Vector<AngularRate, 3> {
     Vector::of([0.0; 3])
 }
-const fn joints_at_rest() -> Each<AngularRate, 7> {
-    Each::of([0.0; 7])
+const fn joints_at_rest() -> PerAxis<AngularRate, 7> {
+    PerAxis::of([0.0; 7])
 }
-const fn hanging() -> Each<Angle, 2> {
-    Each::of([0.0; 2])
+const fn hanging() -> PerAxis<Angle, 2> {
+    PerAxis::of([0.0; 2])
 }
-const fn hanging_still() -> Each<AngularRate, 2> {
-    Each::of([0.0; 2])
+const fn hanging_still() -> PerAxis<AngularRate, 2> {
+    PerAxis::of([0.0; 2])
 }
 const fn at_origin() -> Vector<Length, 3> {
     Vector::of([0.0; 3])

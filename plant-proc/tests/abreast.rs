@@ -3,8 +3,8 @@
 mod common;
 
 use common::{begin, load, run};
-use lockstep::executor::Reach;
-use lockstep::participant::Stride;
+use lockstep::executor::StopReason;
+use lockstep::participant::BatchStepper;
 use lockstep::random::Stream;
 use toml::{Table, Value};
 
@@ -70,12 +70,12 @@ fn plants_side_by_side_have_the_bits_of_each_alone() {
     for company in [2, 8, 3, 5, 13, 1, 8] {
         let scenarios: Vec<Table> = (first..first + company).map(drawn).collect();
         let mut all: Vec<_> = scenarios.iter().map(begin).collect();
-        all.iter_mut().for_each(|one| one.looped.park());
-        let mut stride = Stride::default();
+        all.iter_mut().for_each(|one| one.looped.defer_steps());
+        let mut stride = BatchStepper::default();
         loop {
             let mut parked = 0;
             for one in &mut all {
-                parked += usize::from(one.looped.run_to(one.plan.end, |_| {}).unwrap() == Reach::Parked);
+                parked += usize::from(one.looped.run_to(one.plan.end, |_| {}).unwrap() == StopReason::Deferred);
             }
             if parked == 0 {
                 break;

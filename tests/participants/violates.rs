@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use escapement_tests::offender::{Offender, conforming_reply, run};
 use escapement_tests::parts::Push;
-use lockstep::control::{ParticipantEvent, Reply, Request, Timing};
+use lockstep::control::{ParticipantEvent, Reply, Request, WallTimeBreakdown};
 use lockstep::participant::Interface;
 use lockstep::wire::encode;
 
@@ -50,14 +50,14 @@ fn act(violation: &str, offender: &mut Offender) {
         // It wakes no consumer: all that it sends is found all the same.
         "wakes-none" => {
             offender.behave_from(AT, offender.assignment.activations);
-            return offender.event(&ParticipantEvent::Finished(Timing::default()));
+            return offender.event(&ParticipantEvent::Finished(WallTimeBreakdown::default()));
         }
         "intrudes" => {
             let _kept = offender.intrude("plant");
             return offender.behave_from(AT, offender.assignment.activations);
         }
         // Done, after a tenth of its samples.
-        "finishes" => return offender.event(&ParticipantEvent::Finished(Timing::default())),
+        "finishes" => return offender.event(&ParticipantEvent::Finished(WallTimeBreakdown::default())),
         // At rest where the plan has twice as many activations before; then with that number, which it has not done.
         "rests-early" => return offender.rest(offender.header(2 * AT).stamp, AT, |request| reply(violation, request)),
         "rests-short" => {

@@ -149,7 +149,7 @@ impl Offender {
 
     /// Reports `event` about itself.
     pub fn event(&mut self, event: &ParticipantEvent) {
-        while !self.record.0.borrow_mut().event(event).expect("a record") {
+        while !self.record.0.borrow_mut().try_append_event(event).expect("a record") {
             self.look();
         }
     }

@@ -13,7 +13,7 @@ fn values(run: &Path, stream: &str, field: &str) -> Vec<f64> {
     let reader = Reader::open(&run.join("tape")).expect("the run has a tape");
     let number = reader.stream(stream).expect("the stream is there");
     let spec = &reader.streams()[number];
-    let (field, elements) = spec.descriptor.named(field).expect("the field is there");
+    let (field, elements) = spec.descriptor.resolve(field).expect("the field is there");
     let mut record = vec![0; spec.stride()];
     let stamp = spec.stride() - spec.descriptor.size as usize;
     let all = 0..reader.count(number);

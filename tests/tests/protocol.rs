@@ -2,11 +2,11 @@
 
 use escapement_tests::parts::Damper;
 use escapement_tests::program::root;
-use lockstep::control::{PROTOCOL, ParticipantEvent, Reply, Request, Timing};
-use lockstep::fault::{Effect, LinkFault, Place, SignalFault, Slot, Span};
+use lockstep::control::{PROTOCOL, ParticipantEvent, Reply, Request, WallTimeBreakdown};
+use lockstep::fault::{Effect, FaultPort, FaultWindow, LinkFault, SignalFault, Slot};
 use lockstep::link::{self, Conversion, Pair, Term};
 use lockstep::participant::{Input, Interface, Kind, Participant};
-use lockstep::plan::{Backlog, Held, LinkSpec, Observed, ParticipantSpec, Plan, Position};
+use lockstep::plan::{InFlightSample, LinkSpec, Observed, ParticipantSpec, Plan, Position, StuckValues};
 use lockstep::time::Rational;
 use lockstep::wire::{decode, encode};
 use serde_json::Value;
@@ -81,10 +81,10 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
         ),
         (
             "Participant event Finished, one link in, 1 ns in total, all else zero",
-            event(ParticipantEvent::Finished(Timing {
+            event(ParticipantEvent::Finished(WallTimeBreakdown {
                 total_ns: 1,
                 inputs_ns: vec![0],
-                ..Timing::default()
+                ..WallTimeBreakdown::default()
             })),
         ),
     ]
@@ -196,17 +196,17 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     let request = Request::Connect {
         assignment: plan.assignments().nth(1).expect("there are two"),
         cores: vec![3],
-        waiting: lockstep::control::Waiting { spins: 5, yields: 6 },
+        waiting: lockstep::control::WaitStrategy { spins: 5, yields: 6 },
         record: 1 << 16,
         position: Some(Box::new(Position {
             next: 7,
-            inputs: vec![vec![Backlog {
+            inputs: vec![vec![InFlightSample {
                 index: 66,
                 payload: vec![9; 16],
             }]],
             values: vec![vec![6; 16]],
             outputs: vec![vec![8; 8], Vec::new()],
-            held: Held {
+            held: StuckValues {
                 inputs: vec![vec![vec![7; 8]]],
                 outputs: Vec::new(),
             },
@@ -294,7 +294,7 @@ fn the_position_reads_as_the_page_says(plain: &mut Plain<'_>) {
 /// Twice the position, and a velocity that is always 3 m/s.
 fn turned() -> Conversion {
     let descriptor = Damper::default().interface().inputs[0].descriptor.clone();
-    let slot = |name: &str| Slot::named(&descriptor, name).expect("it has one").1[0];
+    let slot = |name: &str| Slot::resolve(&descriptor, name).expect("it has one").1[0];
     let term = Term {
         from: slot("position"),
         scale: 2.0,
@@ -347,10 +347,10 @@ fn plan() -> Plan {
             timing: late,
             initial: None,
             conversion: Some(turned()),
-            draws: Some("motion".into()),
+            random_stream: Some("motion".into()),
             faults: vec![LinkFault {
                 name: "storm".into(),
-                span: Span {
+                span: FaultWindow {
                     at: Rational::from_millis(100),
                     until: Some(Rational::from_millis(200)),
                 },
@@ -366,20 +366,21 @@ fn plan() -> Plan {
             timing: link::Timing::default(),
             initial: None,
             conversion: None,
-            draws: None,
+            random_stream: None,
             faults: Vec::new(),
         },
     ];
     let participants = vec![participant("plant", 1, plant), participant("damper", 10, damper)];
     let mut plan = Plan::build(participants, &links, Rational::from_millis(1000), 1).expect("a sound plan");
-    let (_, slots) = Slot::named(&plan.participants[1].interface.inputs[0].descriptor, "velocity").expect("it has one");
-    plan.disturb(vec![SignalFault {
+    let (_, slots) =
+        Slot::resolve(&plan.participants[1].interface.inputs[0].descriptor, "velocity").expect("it has one");
+    plan.add_signal_faults(vec![SignalFault {
         name: "frozen".into(),
-        place: Place::Input {
+        place: FaultPort::Input {
             participant: 1,
             port: 0,
         },
-        span: Span {
+        span: FaultWindow {
             at: Rational::from_millis(300),
             until: None,
         },

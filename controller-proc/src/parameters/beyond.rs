@@ -8,7 +8,7 @@ use guidance_laws::Pose;
 use interfaces::JOINTS;
 use interfaces::files::{Arm, Target};
 use lockstep::participant::ParameterError;
-use lockstep::units::{Angle, AngularMomentum, AngularRate, Each, Force, Length, PerTime, Quantity, Speed, Torque};
+use lockstep::units::{Angle, AngularMomentum, AngularRate, Force, Length, PerAxis, PerTime, Quantity, Speed, Torque};
 use multibody::{Description, Inertia, UrdfOptions};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
@@ -90,13 +90,13 @@ impl Avoidance {
 #[serde(deny_unknown_fields, default)]
 pub struct Allocation {
     /// Torque limit of the wheels.
-    pub wheel_torque: Each<Torque, 3>,
+    pub wheel_torque: PerAxis<Torque, 3>,
     /// Momentum limit of the wheels.
-    pub wheel_momentum: Each<AngularMomentum, 3>,
+    pub wheel_momentum: PerAxis<AngularMomentum, 3>,
     /// Force limit of the thrusters along each axis.
-    pub thruster_force: Each<Force, 3>,
+    pub thruster_force: PerAxis<Force, 3>,
     /// Lever arm of the couples about each axis.
-    pub lever_arm: Each<Length, 3>,
+    pub lever_arm: PerAxis<Length, 3>,
     /// Rate at which momentum above the threshold is unloaded.
     pub unload_rate: Quantity<PerTime>,
     /// Threshold of momentum below which nothing is unloaded.
@@ -107,10 +107,10 @@ impl Default for Allocation {
     /// The stock actuators, unloading above half of the wheels' momentum limit.
     fn default() -> Self {
         Self {
-            wheel_torque: Each::of([0.2; 3]),
-            wheel_momentum: Each::of([12.0; 3]),
-            thruster_force: Each::of([9.0; 3]),
-            lever_arm: Each::of([0.5; 3]),
+            wheel_torque: PerAxis::of([0.2; 3]),
+            wheel_momentum: PerAxis::of([12.0; 3]),
+            thruster_force: PerAxis::of([9.0; 3]),
+            lever_arm: PerAxis::of([0.5; 3]),
             unload_rate: Quantity::of(0.05),
             unload_above: Quantity::of(6.0),
         }
@@ -143,17 +143,17 @@ pub struct Stabilise {
     /// Decay rate of the joint rates.
     pub joints: Quantity<PerTime>,
     /// Limit of the torque on the base.
-    pub torque: Each<Torque, 3>,
+    pub torque: PerAxis<Torque, 3>,
     /// Limit of the force on the base.
-    pub force: Each<Force, 3>,
+    pub force: PerAxis<Force, 3>,
     /// Limit of each joint's torque.
-    pub joint_torque: Each<Torque, JOINTS>,
+    pub joint_torque: PerAxis<Torque, JOINTS>,
     /// Limit of the force in the gripper.
     pub gripper_force: Quantity<Force>,
     /// Limit of the torque in the gripper.
     pub gripper_torque: Quantity<Torque>,
     /// Momentum that the wheels can store.
-    pub wheel_momentum: Each<AngularMomentum, 3>,
+    pub wheel_momentum: PerAxis<AngularMomentum, 3>,
     /// Threshold below which an angular rate counts as rest.
     pub rest_rate: Quantity<AngularRate>,
     /// Threshold below which a velocity counts as rest.
@@ -168,12 +168,12 @@ impl Default for Stabilise {
             rotation: Quantity::of(0.1),
             translation: Quantity::of(0.1),
             joints: Quantity::of(0.1),
-            torque: Each::of([0.2; 3]),
-            force: Each::of([9.0; 3]),
-            joint_torque: Each::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
+            torque: PerAxis::of([0.2; 3]),
+            force: PerAxis::of([9.0; 3]),
+            joint_torque: PerAxis::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
             gripper_force: Quantity::of(50.0),
             gripper_torque: Quantity::of(20.0),
-            wheel_momentum: Each::of([12.0; 3]),
+            wheel_momentum: PerAxis::of([12.0; 3]),
             rest_rate: Quantity::of(std::f64::consts::PI / 18_000.0),
             rest_speed: Quantity::of(1e-3),
         }

@@ -4,7 +4,7 @@ use control_laws::inner::{FeedbackLaw, Gains};
 use control_laws::{Dof, Matrix13};
 use interfaces::JOINTS;
 use lockstep::participant::ParameterError;
-use lockstep::units::{Each, LinearDamping, LinearStiffness, RotationalDamping, RotationalStiffness};
+use lockstep::units::{LinearDamping, LinearStiffness, PerAxis, RotationalDamping, RotationalStiffness};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
@@ -96,11 +96,11 @@ pub enum StructureName {
 #[serde(deny_unknown_fields)]
 pub struct Kp {
     /// Base torque per angular rate.
-    pub base_rotation: Each<RotationalDamping, 3>,
+    pub base_rotation: PerAxis<RotationalDamping, 3>,
     /// Base force per speed.
-    pub base_translation: Each<LinearDamping, 3>,
+    pub base_translation: PerAxis<LinearDamping, 3>,
     /// Joint torque per joint rate.
-    pub joints: Each<RotationalDamping, JOINTS>,
+    pub joints: PerAxis<RotationalDamping, JOINTS>,
 }
 
 /// Diagonal of K_I.
@@ -108,11 +108,11 @@ pub struct Kp {
 #[serde(deny_unknown_fields)]
 pub struct Ki {
     /// Base torque per angle.
-    pub base_rotation: Each<RotationalStiffness, 3>,
+    pub base_rotation: PerAxis<RotationalStiffness, 3>,
     /// Base force per length.
-    pub base_translation: Each<LinearStiffness, 3>,
+    pub base_translation: PerAxis<LinearStiffness, 3>,
     /// Joint torque per joint angle.
-    pub joints: Each<RotationalStiffness, JOINTS>,
+    pub joints: PerAxis<RotationalStiffness, JOINTS>,
 }
 
 impl GainsFile {

@@ -14,7 +14,7 @@ use guidance_laws::Between;
 use interfaces::JOINTS;
 use interfaces::files::{Servicer, Target};
 use lockstep::participant::ParameterError;
-use lockstep::units::{AngularRate, Each, Force, Length, PerTime, Quantity, Torque};
+use lockstep::units::{AngularRate, Force, Length, PerAxis, PerTime, Quantity, Torque};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
@@ -96,9 +96,9 @@ pub struct Outer {
     /// Hysteresis of the hybrid law.
     pub hysteresis: f64,
     /// Diagonal of K_att.
-    pub attitude_gain: Each<PerTime, 3>,
+    pub attitude_gain: PerAxis<PerTime, 3>,
     /// Diagonal of K_pos.
-    pub position_gain: Each<PerTime, 3>,
+    pub position_gain: PerAxis<PerTime, 3>,
     /// Weights that share the motion between base and arm.
     pub weights: WeightsTable,
 }
@@ -108,8 +108,8 @@ impl Default for Outer {
         Self {
             attitude_law: AttitudeLawName::Hybrid,
             hysteresis: 0.5,
-            attitude_gain: Each::of([1.0, 0.99, 1.01]),
-            position_gain: Each::of([1.0; 3]),
+            attitude_gain: PerAxis::of([1.0, 0.99, 1.01]),
+            position_gain: PerAxis::of([1.0; 3]),
             weights: WeightsTable::default(),
         }
     }
@@ -210,11 +210,11 @@ pub struct Inner {
     /// Bound of the feedback.
     pub bound: BoundName,
     /// Bound of the feedback on the base's torque; the stock wheels' limit by default.
-    pub torque_bound: Option<Each<Torque, 3>>,
+    pub torque_bound: Option<PerAxis<Torque, 3>>,
     /// Bound of the feedback on the base's force; the stock thrusters' limit by default.
-    pub force_bound: Option<Each<Force, 3>>,
+    pub force_bound: Option<PerAxis<Force, 3>>,
     /// Bound of the feedback on the joints; the stock motors' limit by default.
-    pub joint_bound: Option<Each<Torque, JOINTS>>,
+    pub joint_bound: Option<PerAxis<Torque, JOINTS>>,
     /// One numerical bound for both N and N m, in place of the three above.
     pub scalar_bound: Option<f64>,
 }
@@ -259,10 +259,10 @@ impl Inner {
             (BoundName::SlidingGain, _) => Bound::Scalar(gains.sliding_gain_norm()?),
             (BoundName::Actuators, Some(bound)) => Bound::Scalar(bound),
             (BoundName::Actuators, None) => Bound::PerChannel(channels(
-                self.torque_bound.unwrap_or(Each::of([0.2; 3])).si(),
-                self.force_bound.unwrap_or(Each::of([9.0; 3])).si(),
+                self.torque_bound.unwrap_or(PerAxis::of([0.2; 3])).si(),
+                self.force_bound.unwrap_or(PerAxis::of([9.0; 3])).si(),
                 self.joint_bound
-                    .unwrap_or(Each::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]))
+                    .unwrap_or(PerAxis::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]))
                     .si(),
             )),
         })
@@ -306,7 +306,7 @@ pub enum DiscretisationName {
 #[serde(deny_unknown_fields, default)]
 pub struct Reference {
     /// Position gain of the base.
-    pub base_position_gain: Each<PerTime, 3>,
+    pub base_position_gain: PerAxis<PerTime, 3>,
     /// Damping of the least squares.
     pub least_squares_damping: f64,
 }
@@ -315,7 +315,7 @@ impl Default for Reference {
     /// 0.3 1/s, and a damping of 0.01 that only matters next to a singularity.
     fn default() -> Self {
         Self {
-            base_position_gain: Each::of([0.3; 3]),
+            base_position_gain: PerAxis::of([0.3; 3]),
             least_squares_damping: 0.01,
         }
     }

@@ -5,7 +5,7 @@ use control_laws::{ControlModel, ModelOptions};
 use interfaces::JOINTS;
 use interfaces::files::Servicer;
 use lockstep::participant::ParameterError;
-use lockstep::units::{Each, Inertia};
+use lockstep::units::{Inertia, PerAxis};
 use serde::Deserialize;
 
 /// Differences between the control model and the plant.
@@ -15,7 +15,7 @@ pub struct Model {
     /// Treatment of the propellant's pendulum.
     pub propellant: PropellantName,
     /// Rotor inertia in the control model; that of the servicer's file by default.
-    pub motor_inertia: Option<Each<Inertia, JOINTS>>,
+    pub motor_inertia: Option<PerAxis<Inertia, JOINTS>>,
     /// Factor on every mass and inertia.
     pub mass_factor: f64,
     /// Additional factors on single links.

@@ -17,7 +17,7 @@ use std::time::{Duration, SystemTime};
 
 use lockstep::transport::iceoryx::Address;
 use rustix::fs::{FlockOperation, flock};
-use tape::folder::private;
+use tape::folder::private_dir_builder;
 
 const SHARED_MEMORY: &str = "/dev/shm";
 const MARK: &str = "esc_";
@@ -89,7 +89,9 @@ impl Scope {
     pub fn create() -> Result<Scope, ScopeError> {
         let id = draw()?;
         let folder = folder_of(&id);
-        private().create(&folder).map_err(io_error(&folder, "cannot be made"))?;
+        private_dir_builder()
+            .create(&folder)
+            .map_err(io_error(&folder, "cannot be made"))?;
         let lock = folder.join(LOCK);
         // Locked under another name first, so that the lock file of a living run is never seen unlocked.
         let unborn = folder.join("lock.new");
@@ -132,7 +134,7 @@ impl Scope {
 
     /// As [`Scope::scratch`], in the folder `parent`, under a name that begins with `mark`.
     pub fn scratch_in(&self, parent: &Path, mark: &str) -> Result<PathBuf, ScopeError> {
-        let made = private().recursive(true).create(parent);
+        let made = private_dir_builder().recursive(true).create(parent);
         made.map_err(io_error(parent, "cannot be made"))?;
         self.scratch_at(parent.join(format!("{mark}{}", draw()?)))
     }
@@ -142,7 +144,7 @@ impl Scope {
         let link = self.folder.join(SCRATCH);
         // The link first: a clean-up finds the folder through it.
         symlink(&folder, &link).map_err(io_error(&link, "cannot be made"))?;
-        let made = private().create(&folder);
+        let made = private_dir_builder().create(&folder);
         made.map_err(io_error(&folder, "cannot be made"))?;
         Ok(folder)
     }

@@ -1,11 +1,11 @@
 //! Text from other programs in messages.
 
-use lockstep::name::shown;
+use lockstep::name::escape_controls;
 
 /// Text from another program as a part of a message: control characters and text-direction marks are replaced by their code points,
 /// and each line after the first begins with a bar, so that it cannot be mistaken for a line of this program.
 pub fn quoted(text: &str) -> String {
-    let lines: Vec<String> = text.trim_end().lines().map(shown).collect();
+    let lines: Vec<String> = text.trim_end().lines().map(escape_controls).collect();
     lines.join("\n  | ")
 }
 

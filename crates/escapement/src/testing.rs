@@ -445,7 +445,7 @@ fn split(name: &str) -> (&str, &str) {
 
 #[track_caller]
 fn named<'d>(descriptor: &'d Descriptor, name: &str, field: &str) -> (&'d Field, std::ops::Range<usize>) {
-    let found = descriptor.named(field);
+    let found = descriptor.resolve(field);
     found.unwrap_or_else(|| {
         let names: Vec<&str> = descriptor.fields.iter().map(|field| field.name.as_str()).collect();
         panic!("there is no `{name}`; fields are: {}", names.join(", "))

@@ -18,7 +18,7 @@ struct Callee {
 // A plain value: a value with a destructor no longer exists when the handler runs.
 thread_local! {
     /// The callee whose function this thread is executing, and the function; a null pointer where there is none.
-    static INSIDE: Cell<(*const Callee, &'static str)> = const { Cell::new((null(), "")) };
+    static CURRENT_CALL: Cell<(*const Callee, &'static str)> = const { Cell::new((null(), "")) };
 }
 
 /// Guards the calls of the foreign code of one participant.
@@ -28,11 +28,11 @@ pub struct Guard(Arc<Callee>);
 impl Guard {
     /// A guard for the participant `name`; `message` gives the message for a function that called `exit`, which follows the name.
     pub fn new(name: &str, message: fn(&str) -> String) -> Guard {
-        static WATCH: Once = Once::new();
-        WATCH.call_once(|| {
+        static REGISTER_HANDLER: Once = Once::new();
+        REGISTER_HANDLER.call_once(|| {
             // SAFETY: the handler is a function of this program or library, and is removed with it. If it cannot be registered, only the
             // message is lost.
-            unsafe { libc::atexit(ended) };
+            unsafe { libc::atexit(report_exit) };
         });
         let name = name.to_owned();
         Guard(Arc::new(Callee { name, message }))
@@ -42,23 +42,23 @@ impl Guard {
     #[inline]
     pub fn call<T>(&self, function: &'static str, call: impl FnOnce() -> T) -> T {
         // The callee lives as long as `self`, which is borrowed until the previous value is back: also when the call panics.
-        let _back = Back(INSIDE.replace((Arc::as_ptr(&self.0), function)));
+        let _restore = RestoreCall(CURRENT_CALL.replace((Arc::as_ptr(&self.0), function)));
         call()
     }
 }
 
 /// Puts the previous value back.
-struct Back((*const Callee, &'static str));
+struct RestoreCall((*const Callee, &'static str));
 
-impl Drop for Back {
+impl Drop for RestoreCall {
     #[inline]
     fn drop(&mut self) {
-        INSIDE.set(self.0);
+        CURRENT_CALL.set(self.0);
     }
 }
 
-extern "C" fn ended() {
-    let (callee, function) = INSIDE.get();
+extern "C" fn report_exit() {
+    let (callee, function) = CURRENT_CALL.get();
     // SAFETY: the pointer is null, or the frame of `Guard::call` is below this one on the stack, and its callee lives.
     let Some(callee) = (unsafe { callee.as_ref() }) else {
         return;

@@ -229,7 +229,7 @@ fn start(variable: &Variable, parameters: &[Parameter]) -> Option<String> {
     let one = |bytes: &[u8]| match variable.kind {
         Kind::Number(Element::F64) => format!("{:?}", Element::F64.to_f64(bytes)),
         Kind::Number(Element::F32) => format!("{:?}", Element::F32.to_f64(bytes) as f32),
-        Kind::Number(element) => element.whole(bytes).to_string(),
+        Kind::Number(element) => element.to_integer(bytes).to_string(),
         Kind::Enumeration => bytes[0].to_string(),
         Kind::Boolean => (bytes[0] != 0).to_string(),
         // An input is initially empty.

@@ -155,7 +155,7 @@ pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, E
     for (name, file) in &parts.files {
         add(&format!("resources/{name}"), &contents(file)?, true)?;
     }
-    tape::write_whole(&file, pack.finish()).map_err(|error| broken(format!("`{}`: {error}", file.display())))?;
+    tape::write_atomic(&file, pack.finish()).map_err(|error| broken(format!("`{}`: {error}", file.display())))?;
     let mut said = format!("{}\n{}", file.display(), usage::summary(&about, &model));
     if let Some(name) = &request.participant {
         let _ = write!(

@@ -156,7 +156,7 @@ impl Kind {
             }
             (Kind::Boolean, Native::Boolean32) => to.copy_from_slice(&i32::from(from[0] != 0).to_le_bytes()),
             (Kind::Number(element), Native::Int32) if element != Element::I32 => {
-                let value = element.whole(from);
+                let value = element.to_integer(from);
                 let short = i32::try_from(value).map_err(|_| {
                     Refusal::error(format!(
                         "{value} does not fit into an Integer of FMI 2.0: export it for FMI 3.0"

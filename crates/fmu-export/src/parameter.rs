@@ -70,7 +70,7 @@ impl Parameter {
         let one = |bytes: &[u8]| match self.kind {
             Kind::Boolean => Value::Boolean(bytes[0] != 0),
             Kind::Number(Element::F64) => Value::Float(Element::F64.to_f64(bytes)),
-            Kind::Number(element) => Value::Integer(element.whole(bytes) as i64),
+            Kind::Number(element) => Value::Integer(element.to_integer(bytes) as i64),
             // Not exported as a parameter.
             Kind::Enumeration | Kind::Text | Kind::Content(_) => Value::String(String::new()),
         };
@@ -134,7 +134,7 @@ pub fn seed_of(all: &[Parameter], seed: u64) -> Result<u64, String> {
     let Some(Held::Bytes(bytes)) = all.iter().find(|one| one.name == SEED).map(|one| &one.held) else {
         return Ok(seed);
     };
-    let value = Element::I32.whole(bytes);
+    let value = Element::I32.to_integer(bytes);
     u64::try_from(value).map_err(|_| format!("the seed is {value}; it must not be negative"))
 }
 

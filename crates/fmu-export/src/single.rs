@@ -175,7 +175,7 @@ impl Running {
         for (number, port) in interface.outputs.iter().enumerate() {
             let payload: &[u8] = self.outputs.bytes_mut(number);
             if let Some(invalid) = port.descriptor.invalid(payload).next() {
-                let words = invalid.words("an output");
+                let words = invalid.describe("an output");
                 return Err(format!("it gave out {}.{words} at t = {t} s", port.name));
             }
         }
@@ -256,7 +256,7 @@ impl Body for Single {
         entry.setup.seed = seed_of(parameters, entry.setup.seed)?;
         entry.setup.offset = start.seconds();
         entry.offset = start;
-        let timebase = Timebase::measuring([start, entry.period]).map_err(|error| error.to_string())?;
+        let timebase = Timebase::from_times([start, entry.period]).map_err(|error| error.to_string())?;
         let ticks = |time| timebase.ceil(time).map_err(|error| error.to_string());
         let times = SampleTime {
             offset: ticks(start)?,

@@ -208,7 +208,7 @@ impl Slot {
 
     /// Converts an integer of the type `from` to the type `to`.
     fn whole(&self, from: Element, bytes: &[u8], to: Element) -> Result<[u8; 8], String> {
-        let value = from.whole(bytes);
+        let value = from.to_integer(bytes);
         if to.range().is_some_and(|(least, most)| (least..=most).contains(&value)) {
             return Ok((value as i64).to_le_bytes());
         }

@@ -37,15 +37,15 @@ pub enum Request {
         /// The cores to run on; empty leaves the choice to the operating system.
         cores: Vec<u32>,
         /// The waiting strategy.
-        waiting: Waiting,
+        waiting: WaitStrategy,
         /// The size of the record's ring, bytes: a multiple of 64.
         record: u32,
         /// The position to resume at; `None` at the start of a run.
         position: Option<Box<Position>>,
     },
-    /// Asks for the state. Only at rest.
+    /// Requests the state. Only while the participant is paused.
     Save,
-    /// Leave all links and enter the run again at this address, with the model as it is. Only at rest. Without an address: another
+    /// Leave all links and enter the run again at this address, with the model as it is. Only while paused. Without an address: another
     /// participant replaces this one, and the clock will command to terminate; a participant that refuses this request leaves as well.
     Move {
         /// The new address, in the form of the environment variable, or empty.
@@ -86,37 +86,37 @@ pub enum Reply {
 /// How a participant waits: it polls `spins` times, then yields between `yields` polls, then sleeps until it is woken. The result of a
 /// run does not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Waiting {
+pub struct WaitStrategy {
     /// Polls before the first yield.
     pub spins: u32,
     /// Polls with a yield each before sleeping.
     pub yields: u32,
 }
 
-impl Waiting {
+impl WaitStrategy {
     /// For a participant with a core of its own.
-    pub const SPIN: Waiting = Waiting {
+    pub const SPIN: WaitStrategy = WaitStrategy {
         spins: 20_000,
         yields: 2_000,
     };
     /// For a few participants that share a core: the one waited for needs it, so none of them spins.
-    pub const YIELD: Waiting = Waiting {
+    pub const YIELD: WaitStrategy = WaitStrategy {
         spins: 0,
         yields: 2_000,
     };
     /// For many participants that share a core. Every yield passes through all participants that yield, so a hand-off among N of them
     /// costs up to N yields; those with a long wait must sleep for the cost to stay linear. A hand-off to the next participant takes two
     /// yields.
-    pub const OVERSUBSCRIBED: Waiting = Waiting { spins: 0, yields: 2 };
+    pub const OVERSUBSCRIBED: WaitStrategy = WaitStrategy { spins: 0, yields: 2 };
     /// For long pauses and machines with other work to do.
-    pub const SLEEP: Waiting = Waiting { spins: 0, yields: 0 };
+    pub const SLEEP: WaitStrategy = WaitStrategy { spins: 0, yields: 0 };
 }
 
 /// A participant's message to the recorder between its samples.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ParticipantEvent {
     /// All activations are complete, and there are no samples after those before this event.
-    Finished(Timing),
+    Finished(WallTimeBreakdown),
     /// The next activation is at or past this horizon, ticks.
     AtHorizon {
         /// The horizon.
@@ -149,7 +149,7 @@ pub enum ParticipantEvent {
 
 /// How a participant spent its wall-clock time.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Timing {
+pub struct WallTimeBreakdown {
     /// From the first activation to the last, ns.
     pub total_ns: u64,
     /// Waiting for each link that feeds an input, ns.

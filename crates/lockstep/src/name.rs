@@ -9,15 +9,15 @@ pub fn is_name(text: &str, longest: usize) -> bool {
     (1..=longest).contains(&text.len()) && text.chars().all(plain)
 }
 
-/// Whether a character of a text steers what shows the text: a control character, or a mark of the direction of writing.
-pub fn steers(c: char) -> bool {
-    let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-    (c.is_control() && c != '\t') || turns
+/// Whether `c` changes how a terminal or a page shows the rest of a text: a control character, or a mark of the direction of writing.
+pub fn is_control_or_direction_mark(c: char) -> bool {
+    let is_direction_mark = matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    (c.is_control() && c != '\t') || is_direction_mark
 }
 
-/// A text on one line, with the code points of characters that [steer](steers).
-pub fn shown(text: &str) -> String {
-    let shown = text.chars().map(|c| match steers(c) {
+/// `text` on one line, with control characters and direction marks as their code points.
+pub fn escape_controls(text: &str) -> String {
+    let shown = text.chars().map(|c| match is_control_or_direction_mark(c) {
         true => c.escape_unicode().to_string(),
         false => c.to_string(),
     });

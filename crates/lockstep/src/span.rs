@@ -26,7 +26,7 @@ impl Detail {
     }
 
     /// The detail that a word in [`SPANS`] requests; an unknown word requests nothing.
-    pub fn of(word: &str) -> Option<Detail> {
+    pub fn parse(word: &str) -> Option<Detail> {
         [Detail::Steps, Detail::Waits]
             .into_iter()
             .find(|detail| detail.word() == word)
@@ -35,30 +35,30 @@ impl Detail {
 
 /// The activity of a participant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Doing {
-    /// It reads inputs, steps, records and sends. A step that has to wait for room has several such spans, and is complete at the end of
-    /// the last one.
+pub enum SpanActivity {
+    /// The participant reads inputs, steps, records and sends. A step that has to wait for room has several such spans, and is complete at
+    /// the end of the last one.
     Computing {
         /// Whether the step is complete.
         done: bool,
     },
-    /// It waits for sample `index` of link number `link` of its incoming links.
+    /// The participant waits for sample `index` of link number `link` of its incoming links.
     Sample {
         /// The link.
         link: u32,
         /// The sample.
         index: u64,
     },
-    /// It waits for room on the link to consumer `consumer` of output `output`.
+    /// The participant waits for room on the link to consumer `consumer` of output `output`.
     Room {
         /// The output.
         output: u32,
         /// The consumer's position among those of the output.
         consumer: u32,
     },
-    /// It waits for room in the recording.
+    /// The participant waits for room in the recording.
     Recorder,
-    /// It waits for the horizon: everything before it is done.
+    /// The participant waits for the horizon: all activations before it are complete.
     Horizon,
 }
 
@@ -68,7 +68,7 @@ pub struct Span {
     /// The activation that it belongs to, or that comes next.
     pub activation: u64,
     /// Its activity.
-    pub doing: Doing,
+    pub activity: SpanActivity,
     /// The core at the end of the interval.
     pub core: u32,
     /// The number of sleeps, whether the participant was woken or woke by itself.

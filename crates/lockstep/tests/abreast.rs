@@ -1,11 +1,11 @@
-//! Loops side by side: participants of one kind are stepped together, and each run is what it is alone.
+//! Batched runs: participants of one type are stepped together, and each run equals the separate run.
 
 use std::sync::{Arc, Mutex};
 
-use lockstep::executor::{InLoop, Reach, RunError, assemble};
+use lockstep::executor::{InLoop, RunError, StopReason, connect_locally};
 use lockstep::link::{Hold, Timing};
 use lockstep::participant::{
-    Abreast, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepAbreast, Stride,
+    Abreast, BatchStepper, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepAbreast,
 };
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
 use lockstep::random::Stream;
@@ -20,14 +20,14 @@ lockstep::message! {
     }
 }
 
-/// A decay that is driven by its input, of which several go together; `WHICH` makes kinds of it.
+/// A decay driven by its input, which can be stepped in batches; `WHICH` distinguishes types of it.
 struct Decay<const WHICH: usize> {
     x: f64,
     rate: f64,
-    /// Where it gives up.
+    /// The activation that fails.
     fails: u64,
-    /// How many were stepped together with it, at most.
-    most: Arc<Mutex<usize>>,
+    /// The largest batch in which it was stepped.
+    largest_batch: Arc<Mutex<usize>>,
 }
 
 fn next(x: f64, rate: f64, period: f64, input: f64) -> f64 {
@@ -58,7 +58,7 @@ impl<const WHICH: usize> Participant for Decay<WHICH> {
 }
 
 impl<const WHICH: usize> StepAbreast for Decay<WHICH> {
-    /// How many calls there were: that depends on the company, and so nothing may depend on it.
+    /// The number of calls: it depends on the batches, so no result may depend on it.
     type Common = u64;
 
     fn step_abreast(those: &mut [Abreast<'_, Self>], calls: &mut u64) {
@@ -72,9 +72,9 @@ impl<const WHICH: usize> StepAbreast for Decay<WHICH> {
             }
             let all: [f64; 4] = std::array::from_fn(|lane| next(x[lane], rate[lane], period[lane], input[lane]));
             for (one, x) in four.iter_mut().zip(all) {
-                let mut most = one.participant.most.lock().unwrap();
-                *most = count.max(*most);
-                drop(most);
+                let mut largest_batch = one.participant.largest_batch.lock().unwrap();
+                *largest_batch = count.max(*largest_batch);
+                drop(largest_batch);
                 if one.step.index == one.participant.fails {
                     one.fail(format!("it gives up at {}", one.step.t).into());
                     continue;
@@ -86,40 +86,40 @@ impl<const WHICH: usize> StepAbreast for Decay<WHICH> {
     }
 }
 
-/// Hears a decay at its own pace; it always goes alone.
-struct Listener(Arc<Mutex<Vec<u64>>>);
+/// Records the value of a decay at its own period; it is never stepped in a batch.
+struct InputProbe(Arc<Mutex<Vec<u64>>>);
 
-impl Participant for Listener {
+impl Participant for InputProbe {
     fn interface(&self) -> Interface {
         Interface::new(Kind::Sampled)
             .input::<Value>("in")
             .output::<Value>("out")
     }
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        let heard = inputs.get::<Value>(0).x;
-        self.0.lock().unwrap().push(heard.to_bits());
+        let received = inputs.get::<Value>(0).x;
+        self.0.lock().unwrap().push(received.to_bits());
         *outputs.get_mut(0) = Value {
-            x: heard + (7.0 * step.t).sin(),
+            x: received + (7.0 * step.t).sin(),
         };
         Ok(())
     }
 }
 
-/// A run: two decays of two kinds in a circle with a listener.
-struct World {
+/// A run: two decays of two kinds in a cycle with a probe.
+struct Run {
     looped: InLoop,
     plan: Plan,
-    heard: Arc<Mutex<Vec<u64>>>,
-    most: Arc<Mutex<usize>>,
+    received: Arc<Mutex<Vec<u64>>>,
+    largest_batch: Arc<Mutex<usize>>,
 }
 
-fn world(number: u64) -> World {
+fn run(number: u64) -> Run {
     let draw = |name: &str, least: i128, most: i128| {
         let uniform = Stream::new(5, name).uniform(number);
         least + (uniform * (most - least) as f64) as i128
     };
     let millis = |millis: i128| Rational::new(millis, 1000).unwrap();
-    let (heard, most) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(0)));
+    let (received, largest_batch) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(0)));
     let fails = |name: &str| {
         if draw(name, 0, 6) == 0 {
             draw(name, 0, 150) as u64
@@ -131,18 +131,18 @@ fn world(number: u64) -> World {
         x: draw("x", -5, 5) as f64,
         rate: draw("rate", 1, 9) as f64 / 7.0,
         fails: fails("fails"),
-        most: most.clone(),
+        largest_batch: largest_batch.clone(),
     };
     let second = Decay::<1> {
         x: 1.0,
         rate: draw("second", 1, 9) as f64 / 11.0,
         fails: fails("fails too"),
-        most: most.clone(),
+        largest_batch: largest_batch.clone(),
     };
     let all: Vec<(&str, i128, Box<dyn Participant>)> = vec![
         ("first", draw("period", 1, 4), Box::new(first)),
         ("second", draw("period too", 1, 4), Box::new(second)),
-        ("listener", draw("hears", 1, 20), Box::new(Listener(heard.clone()))),
+        ("listener", draw("hears", 1, 20), Box::new(InputProbe(received.clone()))),
     ];
     let specs = all.iter().map(|(name, period, participant)| ParticipantSpec {
         name: (*name).into(),
@@ -166,21 +166,21 @@ fn world(number: u64) -> World {
         },
         initial: None,
         conversion: None,
-        draws: None,
+        random_stream: None,
         faults: Vec::new(),
     });
     let plan = Plan::build(specs.collect(), &links, millis(draw("end", 50, 400)), 1).unwrap();
     let own = all.into_iter().map(|(_, _, participant)| participant).collect();
-    let looped = InLoop::new(&plan, assemble(&plan, own, |_| Box::new(NoRecording)));
-    World {
+    let looped = InLoop::new(&plan, connect_locally(&plan, own, |_| Box::new(NoRecording)));
+    Run {
         looped,
         plan,
-        heard,
-        most,
+        received,
+        largest_batch,
     }
 }
 
-fn ending(ended: Result<Reach, RunError>) -> String {
+fn describe_end(ended: Result<StopReason, RunError>) -> String {
     match ended {
         Ok(reach) => format!("{reach:?}"),
         Err(error) => error.to_string(),
@@ -189,52 +189,52 @@ fn ending(ended: Result<Reach, RunError>) -> String {
 
 #[test]
 fn batched_runs_equal_separate_runs() {
-    let mut together = 0;
+    let mut largest = 0;
     for first in (0..200).step_by(8) {
-        let alone: Vec<_> = (first..first + 8)
+        let separate: Vec<_> = (first..first + 8)
             .map(|number| {
-                let mut world = world(number);
-                let ended = ending(world.looped.run_to(world.plan.end, |_| {}));
-                let heard = world.heard.lock().unwrap().clone();
-                (ended, heard)
+                let mut run = run(number);
+                let ended = describe_end(run.looped.run_to(run.plan.end, |_| {}));
+                let received = run.received.lock().unwrap().clone();
+                (ended, received)
             })
             .collect();
-        let mut worlds: Vec<World> = (first..first + 8).map(world).collect();
-        worlds.iter_mut().for_each(|world| world.looped.park());
-        let mut ended: Vec<Option<String>> = vec![None; worlds.len()];
-        let mut stride = Stride::default();
+        let mut runs: Vec<Run> = (first..first + 8).map(run).collect();
+        runs.iter_mut().for_each(|run| run.looped.defer_steps());
+        let mut ended: Vec<Option<String>> = vec![None; runs.len()];
+        let mut batch_stepper = BatchStepper::default();
         while ended.contains(&None) {
-            for (world, ended) in worlds.iter_mut().zip(&mut ended).filter(|(_, ended)| ended.is_none()) {
-                match world.looped.run_to(world.plan.end, |_| {}) {
-                    Ok(Reach::Parked) => {}
-                    over => *ended = Some(ending(over)),
+            for (run, ended) in runs.iter_mut().zip(&mut ended).filter(|(_, ended)| ended.is_none()) {
+                match run.looped.run_to(run.plan.end, |_| {}) {
+                    Ok(StopReason::Deferred) => {}
+                    over => *ended = Some(describe_end(over)),
                 }
             }
-            let pending = worlds.iter_mut().zip(&ended).filter(|(_, ended)| ended.is_none());
-            let mut pending: Vec<_> = pending.filter_map(|(world, _)| world.looped.pending()).collect();
-            stride.step(&mut pending);
+            let pending = runs.iter_mut().zip(&ended).filter(|(_, ended)| ended.is_none());
+            let mut pending: Vec<_> = pending.filter_map(|(run, _)| run.looped.pending()).collect();
+            batch_stepper.step(&mut pending);
         }
-        for (number, (world, ended)) in worlds.iter().zip(ended).enumerate() {
-            let heard = world.heard.lock().unwrap().clone();
+        for (number, (run, ended)) in runs.iter().zip(ended).enumerate() {
+            let received = run.received.lock().unwrap().clone();
             assert_eq!(
-                (ended.unwrap(), heard),
-                alone[number],
-                "world {}",
+                (ended.unwrap(), received),
+                separate[number],
+                "run {}",
                 first as usize + number
             );
-            together = together.max(*world.most.lock().unwrap());
+            largest = largest.max(*run.largest_batch.lock().unwrap());
         }
     }
-    assert!(together >= 4, "at most {together} went together");
+    assert!(largest >= 4, "at most {largest} went together");
 }
 
 #[test]
 fn loop_returns_deferred_step_until_it_is_executed() {
-    let mut world = (0..).map(world).find(|world| world.plan.end > 0).unwrap();
-    assert!(world.looped.pending().is_none());
-    world.looped.park();
-    assert_eq!(world.looped.run_to(world.plan.end, |_| {}).unwrap(), Reach::Parked);
-    // asked again it still waits, and nothing is done twice
-    assert_eq!(world.looped.run_to(world.plan.end, |_| {}).unwrap(), Reach::Parked);
-    assert!(world.looped.pending().is_some());
+    let mut run = (0..).map(run).find(|run| run.plan.end > 0).unwrap();
+    assert!(run.looped.pending().is_none());
+    run.looped.defer_steps();
+    assert_eq!(run.looped.run_to(run.plan.end, |_| {}).unwrap(), StopReason::Deferred);
+    // A second call returns the same step: it has not been executed.
+    assert_eq!(run.looped.run_to(run.plan.end, |_| {}).unwrap(), StopReason::Deferred);
+    assert!(run.looped.pending().is_some());
 }

@@ -1,8 +1,8 @@
-//! What a participant takes from the heap between its first and its last step: nothing.
+//! Heap allocations of a participant between its first and its last step: none.
 
-mod place;
+mod test_domain;
 
-use lockstep::executor::{InLoop, assemble};
+use lockstep::executor::{InLoop, connect_locally};
 use lockstep::fault::Slot;
 use lockstep::link::{Conversion, Hold, Pair, Term, Timing};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
@@ -10,24 +10,24 @@ use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
 use lockstep::port::Message;
 use lockstep::time::Rational;
 use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
-use lockstep::transport::{Broken, Header, NoRecording, Receiver, Recording, Sender};
-use place::Place;
+use lockstep::transport::{Header, NoRecording, Receiver, Recording, Sender, TransportError};
+use test_domain::TestDomain;
 use testing::allocation::{Counting, Taken, taken_by};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
 lockstep::message! {
-    /// What the two tell each other.
+    /// The message between the two participants.
     pub struct Word {
-        /// A place.
+        /// A position.
         pub x: f64 = "m",
         /// A speed.
         pub v: f64 = "m/s",
     }
 }
 
-/// Adds up what it reads.
+/// Adds up its inputs.
 struct Sum {
     kind: Kind,
     x: f64,
@@ -47,14 +47,14 @@ impl Participant for Sum {
     }
 }
 
-fn two() -> [Sum; 2] {
+fn participants_of_both_kinds() -> [Sum; 2] {
     [Kind::Continuous, Kind::Sampled].map(|kind| Sum { kind, x: 0.0 })
 }
 
-/// What turns a word into another one, in part of sums.
-fn turned() -> Conversion {
+/// A conversion of the message to itself, with sums.
+fn conversion() -> Conversion {
     let message = Word::descriptor();
-    let slot = |name: &str| Slot::named(&message, name).expect("it has one").1[0];
+    let slot = |name: &str| Slot::resolve(&message, name).expect("it has one").1[0];
     let pair = |name: &str, adds: bool| Pair {
         to: slot(name),
         count: 1,
@@ -73,10 +73,10 @@ fn turned() -> Conversion {
     }
 }
 
-/// Two that read each other, with a delay, jitter and losses on the way; `between` fields and interpolated, or as they are.
-fn plan(between: bool) -> Plan {
+/// Two participants that read each other, with delay, jitter and drops; with `converted` and interpolated fields, or with whole samples.
+fn plan(converted: bool) -> Plan {
     let second = |text: &str| text.parse::<Rational>().expect("a time");
-    let participants = two();
+    let participants = participants_of_both_kinds();
     let specs = participants
         .iter()
         .zip([("plant", "1 ms"), ("controller", "1/300 s")])
@@ -94,11 +94,11 @@ fn plan(between: bool) -> Plan {
             delay: second("2 ms"),
             jitter: second("3 ms"),
             drop: 0.1,
-            hold: if between { Hold::Linear } else { Hold::Last },
+            hold: if converted { Hold::Linear } else { Hold::Last },
         },
         initial: None,
-        conversion: between.then(turned),
-        draws: between.then(|| name.into()),
+        conversion: converted.then(conversion),
+        random_stream: converted.then(|| name.into()),
         faults: Vec::new(),
     };
     let links = [
@@ -110,13 +110,16 @@ fn plan(between: bool) -> Plan {
 
 #[test]
 fn loop_allocates_nothing_between_first_and_last_step() {
-    [false, true].into_iter().for_each(takes_nothing);
+    [false, true].into_iter().for_each(assert_no_allocation);
 }
 
-fn takes_nothing(between: bool) {
-    let plan = plan(between);
-    let boxed = two().into_iter().map(|own| Box::new(own) as _).collect();
-    let mut looped = InLoop::new(&plan, assemble(&plan, boxed, |_| Box::new(NoRecording)));
+fn assert_no_allocation(converted: bool) {
+    let plan = plan(converted);
+    let boxed = participants_of_both_kinds()
+        .into_iter()
+        .map(|own| Box::new(own) as _)
+        .collect();
+    let mut looped = InLoop::new(&plan, connect_locally(&plan, boxed, |_| Box::new(NoRecording)));
     looped.run_to(1, |_| {}).expect("the first step");
     let taken = taken_by(|| {
         looped.run_to(plan.end, |_| {}).expect("the rest");
@@ -127,10 +130,10 @@ fn takes_nothing(between: bool) {
 #[test]
 fn shared_memory_link_allocates_nothing_per_sample() {
     const SAMPLES: u64 = 5000;
-    let place = Place::new();
-    let link = LinkService::create(&place.domain, 0, 216, 4).expect("room");
-    let mut receiver = link.receiver(&place.domain).expect("the only one");
-    let mut sender = link.sender(&place.domain).expect("the only one");
+    let test = TestDomain::new();
+    let link = LinkService::create(&test.domain, 0, 216, 4).expect("room");
+    let mut receiver = link.receiver(&test.domain).expect("the only one");
+    let mut sender = link.sender(&test.domain).expect("the only one");
     assert_eq!((receiver.prepare(), sender.prepare()), (Ok(()), Ok(())));
     let mut buffer = [0; 216];
     let mut exchange = |count: u64| {
@@ -147,9 +150,9 @@ fn shared_memory_link_allocates_nothing_per_sample() {
 #[test]
 fn record_allocates_nothing_per_sample() {
     const SAMPLES: u64 = 20_000;
-    let place = Place::new();
-    let mut receiver = RecordReceiver::create(&place.domain, "plant").expect("room");
-    let sender = RecordSender::open(&place.domain, "plant", 0, &[size_of::<Word>()], 1 << 20).expect("the only one");
+    let test = TestDomain::new();
+    let mut receiver = RecordReceiver::create(&test.domain, "plant").expect("room");
+    let sender = RecordSender::open(&test.domain, "plant", 0, &[size_of::<Word>()], 1 << 20).expect("the only one");
     let mut sender = SharedRecord(std::rc::Rc::new(std::cell::RefCell::new(sender)));
     assert_eq!(receiver.take_memory(), Ok(true));
     let mut seen = 0;
@@ -160,7 +163,7 @@ fn record_allocates_nothing_per_sample() {
             sender.commit();
             let take = |entry: Recorded<'_>| {
                 seen += u64::from(matches!(entry, Recorded::Sample { .. }));
-                Ok::<(), Broken>(())
+                Ok::<(), TransportError>(())
             };
             receiver.receive(take).expect("whole entries");
         }

@@ -1,7 +1,7 @@
 //! The largest runs that there may be: 512 participants with 256 inputs each. Looking through all links for each link would be ten
-//! thousand million comparisons; none of this does.
+//! thousand million comparisons; planning and running need no such search.
 
-use lockstep::executor::{InLoop, Moment, assemble};
+use lockstep::executor::{InLoop, LoopEvent, connect_locally};
 use lockstep::link::Timing;
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan, PlanError};
@@ -14,7 +14,7 @@ const INPUTS: usize = 256;
 lockstep::message! {
     /// A number.
     pub struct Number {
-        /// It.
+        /// Its value.
         pub x: f64 = "1",
     }
 }
@@ -37,7 +37,7 @@ fn plan(kind: Kind, offset: impl Fn(usize) -> i64, links: Vec<(usize, usize, usi
         timing: Timing::default(),
         initial: None,
         conversion: None,
-        draws: None,
+        random_stream: None,
         faults: Vec::new(),
     };
     let links: Vec<LinkSpec> = links.into_iter().map(link).collect();
@@ -81,7 +81,7 @@ fn largest_plan_ranks_producers_before_consumers() {
 
 #[test]
 fn largest_plan_ranks_open_cycles() {
-    // Odd ones read even ones and the other way round, and the two never meet at an instant.
+    // Odd participants read even ones and vice versa; they are never activated at the same instant.
     let all = links(|to, input| Some((to + 1 + 2 * input) % PARTICIPANTS));
     let plan = plan(Kind::Sampled, |number| (number % 2) as i64, all).unwrap();
     let mut ranks: Vec<u32> = plan.participants.iter().map(|participant| participant.rank).collect();
@@ -125,15 +125,15 @@ fn loop_steps_by_instant_and_rank() {
     });
     let plan = Plan::build(specs.collect(), &[], Rational::from_millis(40), 1).unwrap();
     let idle = (0..PARTICIPANTS).map(|_| Box::new(Idle) as Box<dyn Participant>);
-    let mut looped = InLoop::new(&plan, assemble(&plan, idle.collect(), |_| Box::new(NoRecording)));
+    let mut looped = InLoop::new(&plan, connect_locally(&plan, idle.collect(), |_| Box::new(NoRecording)));
     let mut stepped = Vec::new();
-    // In stretches, as a run goes on.
+    // With several horizons, as in a run.
     for horizon in [1, plan.end / 3, plan.end / 2, plan.end] {
-        let watch = |moment: Moment| {
-            if let Moment::Stepped {
+        let watch = |event: LoopEvent| {
+            if let LoopEvent::Stepped {
                 participant,
                 activation,
-            } = moment
+            } = event
             {
                 let own = &plan.participants[participant];
                 stepped.push((own.sample_time.instant(activation), own.rank));

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use lockstep::executor::{InLoop, assemble};
+use lockstep::executor::{InLoop, connect_locally};
 use lockstep::link::{Hold, Timing};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
@@ -56,9 +56,9 @@ impl Participant for Source {
 }
 
 #[derive(Clone, Default)]
-struct Listener(Arc<Mutex<Vec<Signal>>>);
+struct InputProbe(Arc<Mutex<Vec<Signal>>>);
 
-impl Participant for Listener {
+impl Participant for InputProbe {
     fn interface(&self) -> Interface {
         Interface::new(Kind::Sampled).input::<Signal>("in")
     }
@@ -83,10 +83,10 @@ struct Times {
 
 const END: i64 = 200_000;
 
-/// What a listener hears.
-fn heard(kind: Kind, times: Times, hold: Hold) -> Vec<Signal> {
+/// The values that a probe reads.
+fn received(kind: Kind, times: Times, hold: Hold) -> Vec<Signal> {
     let micros = |micros: i64| Rational::new(i128::from(micros), 1_000_000).unwrap();
-    let listener = Listener::default();
+    let probe = InputProbe::default();
     let source = Source(kind);
     let spec = |name: &str, period, offset, interface| ParticipantSpec {
         name: name.into(),
@@ -105,20 +105,20 @@ fn heard(kind: Kind, times: Times, hold: Hold) -> Vec<Signal> {
         },
         initial: None,
         conversion: None,
-        draws: None,
+        random_stream: None,
         faults: Vec::new(),
     };
     let specs = vec![
         spec("source", times.period, times.offset, source.interface()),
-        spec("listener", times.reads_every, times.reads_from, listener.interface()),
+        spec("listener", times.reads_every, times.reads_from, probe.interface()),
     ];
     let plan = Plan::build(specs, &[link], micros(END), 1).unwrap();
-    let own: Vec<Box<dyn Participant>> = vec![Box::new(source), Box::new(listener.clone())];
-    InLoop::new(&plan, assemble(&plan, own, |_| Box::new(NoRecording)))
+    let own: Vec<Box<dyn Participant>> = vec![Box::new(source), Box::new(probe.clone())];
+    InLoop::new(&plan, connect_locally(&plan, own, |_| Box::new(NoRecording)))
         .run_to(plan.end, |_| {})
         .unwrap();
-    let heard = listener.0.lock().unwrap();
-    heard.clone()
+    let received = probe.0.lock().unwrap();
+    received.clone()
 }
 
 fn times() -> impl Strategy<Value = Times> {
@@ -147,19 +147,19 @@ proptest! {
 
     #[test]
     fn linear_hold_matches_interpolation_formula(times in times(), kind in kinds()) {
-        for (k, found) in heard(kind, times, Hold::Linear).into_iter().enumerate() {
+        for (k, found) in received(kind, times, Hold::Linear).into_iter().enumerate() {
             let t = times.reads_from + k as i64 * times.reads_every;
-            let then = t - times.delay;
-            if then < times.offset {
+            let delayed = t - times.delay;
+            if delayed < times.offset {
                 prop_assert_eq!(found, Signal { x: 0.0, single: 0.0, count: 0 });
                 continue;
             }
-            let index = (then - times.offset) / times.period;
+            let index = (delayed - times.offset) / times.period;
             let before = times.offset + index * times.period;
             let after = before + times.period;
             let value = |micros: i64| smooth(micros as f64 / 1e6);
-            let expected = if then > before && after < t {
-                let weight = (then - before) as f64 / times.period as f64;
+            let expected = if delayed > before && after < t {
+                let weight = (delayed - before) as f64 / times.period as f64;
                 value(before) * (1.0 - weight) + value(after) * weight
             } else {
                 value(before)
@@ -176,10 +176,10 @@ proptest! {
         let period = times.period as f64 / 1e6;
         // The second derivative is at most 40^2 + 6.
         let bound = period * period / 8.0 * 1606.0 + 1e-12;
-        for (k, found) in heard(kind, times, Hold::Linear).into_iter().enumerate() {
-            let then = times.reads_from + k as i64 * times.reads_every - times.delay;
-            if then >= times.offset {
-                let error = (found.x - smooth(then as f64 / 1e6)).abs();
+        for (k, found) in received(kind, times, Hold::Linear).into_iter().enumerate() {
+            let delayed = times.reads_from + k as i64 * times.reads_every - times.delay;
+            if delayed >= times.offset {
+                let error = (found.x - smooth(delayed as f64 / 1e6)).abs();
                 prop_assert!(error <= bound, "{} above {}", error, bound);
             }
         }
@@ -196,6 +196,6 @@ fn linear_hold_without_delay_reads_last_sample() {
         delay: 0,
     };
     for kind in [Kind::Sampled, Kind::Continuous] {
-        assert_eq!(heard(kind, times, Hold::Linear), heard(kind, times, Hold::Last));
+        assert_eq!(received(kind, times, Hold::Linear), received(kind, times, Hold::Last));
     }
 }

@@ -2,16 +2,16 @@
 
 mod common;
 
-use common::{Shared, World, reference, worlds};
-use lockstep::executor::{InLoop, Reach, assemble, run_in_threads};
+use common::{RandomScenario, SharedTape, random_scenarios, reference};
+use lockstep::executor::{InLoop, StopReason, connect_locally, run_in_threads};
 use lockstep::participant::Participant;
 use lockstep::plan::{Cut, Observed, Plan, PlanError};
 use proptest::prelude::*;
 
-fn planned(world: &World) -> Result<Plan, TestCaseError> {
-    match world.plan() {
+fn build_plan(scenario: &RandomScenario) -> Result<Plan, TestCaseError> {
+    match scenario.plan() {
         Ok(plan) => Ok(plan),
-        // A random world may well have a loop; that it is refused rightly is tested elsewhere.
+        // A random scenario may have an algebraic loop; other tests cover its rejection.
         Err(errors) => {
             let loops = |e: &PlanError| matches!(e, PlanError::AlgebraicLoop { .. } | PlanError::Capacity { .. });
             prop_assert!(errors.iter().all(loops), "{errors:?}");
@@ -20,8 +20,8 @@ fn planned(world: &World) -> Result<Plan, TestCaseError> {
     }
 }
 
-/// Goes on from `cut` with links that know nothing of what was before, and what is on the tape.
-fn go_on(plan: &Plan, cut: &Cut, participants: Vec<Box<dyn Participant>>, tape: &Shared) {
+/// Resumes at `cut` with new links and the samples on the tape.
+fn resume_from_cut(plan: &Plan, cut: &Cut, participants: Vec<Box<dyn Participant>>, tape: &SharedTape) {
     let read = |stream: u32, index: u64| {
         let tape = tape.0.lock().unwrap();
         let (found, _, payload) = &tape[stream as usize][index as usize];
@@ -32,7 +32,7 @@ fn go_on(plan: &Plan, cut: &Cut, participants: Vec<Box<dyn Participant>>, tape: 
     let positions = numbers
         .map(|number| plan.position(cut, number, read).unwrap())
         .collect();
-    let parts = assemble(plan, participants, |_| Box::new(tape.clone()));
+    let parts = connect_locally(plan, participants, |_| Box::new(tape.clone()));
     let mut run = InLoop::resume(plan, parts, positions).unwrap();
     run.run_to(plan.end, |_| {}).unwrap();
 }
@@ -41,50 +41,53 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 1500, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
     #[test]
-    fn loop_equals_reference_executor(world in worlds()) {
-        let plan = planned(&world)?;
-        let tape = Shared::new(&plan);
-        let steppers = assemble(&plan, world.participants(), |_| Box::new(tape.clone()));
+    fn loop_equals_reference_executor(scenario in random_scenarios()) {
+        let plan = build_plan(&scenario)?;
+        let tape = SharedTape::new(&plan);
+        let steppers = connect_locally(&plan, scenario.participants(), |_| Box::new(tape.clone()));
         InLoop::new(&plan, steppers).run_to(plan.end, |_| {}).unwrap();
-        prop_assert_eq!(tape.take(), reference(&world, &plan));
+        prop_assert_eq!(tape.take(), reference(&scenario, &plan));
     }
 
     #[test]
-    fn loop_with_pauses_equals_reference(world in worlds(), stops in prop::collection::vec(0_i64..10_000, 0..5)) {
-        let plan = planned(&world)?;
-        let tape = Shared::new(&plan);
-        let mut run = InLoop::new(&plan, assemble(&plan, world.participants(), |_| Box::new(tape.clone())));
+    fn loop_with_pauses_equals_reference(scenario in random_scenarios(), stops in prop::collection::vec(0_i64..10_000, 0..5)) {
+        let plan = build_plan(&scenario)?;
+        let tape = SharedTape::new(&plan);
+        let mut run = InLoop::new(&plan, connect_locally(&plan, scenario.participants(), |_| Box::new(tape.clone())));
         let mut stops: Vec<_> = stops.into_iter().map(|stop| plan.end.min(stop * plan.end / 10_000)).collect();
         stops.sort_unstable();
         for stop in stops {
             run.run_to(stop, |_| {}).unwrap();
             for stepper in run.steppers() {
-                // At rest, every participant has done exactly the steps before the horizon.
+                // When paused, every participant has done exactly the steps before the horizon.
                 let own = stepper.assignment();
                 prop_assert_eq!(stepper.next_activation(), own.sample_time.count_before(stop));
             }
         }
         run.run_to(plan.end, |_| {}).unwrap();
-        prop_assert_eq!(tape.take(), reference(&world, &plan));
+        prop_assert_eq!(tape.take(), reference(&scenario, &plan));
     }
 }
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 500, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
-    /// Held before any steps, with others held in between, and let go: nothing of the tape changes. Where one is held, everything before the
-    /// instant is done.
+    /// Participants are held before random steps and released: the tape does not change. Where one is held, all activations before that
+    /// instant are complete.
     #[test]
-    fn loop_with_held_steps_equals_reference(world in worlds(), holds in prop::collection::vec((0_usize..6, 1_usize..4), 0..20)) {
-        let plan = planned(&world)?;
-        let tape = Shared::new(&plan);
-        let mut run = InLoop::new(&plan, assemble(&plan, world.participants(), |_| Box::new(tape.clone())));
+    fn loop_with_held_steps_equals_reference(
+        scenario in random_scenarios(),
+        holds in prop::collection::vec((0_usize..6, 1_usize..4), 0..20),
+    ) {
+        let plan = build_plan(&scenario)?;
+        let tape = SharedTape::new(&plan);
+        let mut run = InLoop::new(&plan, connect_locally(&plan, scenario.participants(), |_| Box::new(tape.clone())));
         for (number, times) in holds {
             let number = number % plan.participants.len();
             for _ in 0..times {
                 let before = run.steppers()[number].next_activation();
                 let was_held = run.steppers()[number].is_held();
-                let held = run.run_before(number, plan.end, |_| {}).unwrap() == Reach::Held;
+                let held = run.run_before(number, plan.end, |_| {}).unwrap() == StopReason::Held;
                 let own = &run.steppers()[number];
                 prop_assert_eq!(held, own.is_held());
                 prop_assert_eq!(own.next_activation(), (before + u64::from(was_held)).min(own.assignment().activations));
@@ -97,14 +100,14 @@ proptest! {
             }
         }
         run.run_to(plan.end, |_| {}).unwrap();
-        prop_assert_eq!(tape.take(), reference(&world, &plan));
+        prop_assert_eq!(tape.take(), reference(&scenario, &plan));
     }
 }
 
-/// What may be observed of a stream.
+/// Random observed parts of a stream.
 fn observed() -> impl Strategy<Value = Observed> {
     prop_oneof![
-        2 => Just(Observed::NOTHING),
+        2 => Just(Observed::NONE),
         1 => Just(Observed::ALL),
         1 => (1_u64..5, 0_u64..4, 0_u64..20).prop_map(|(every, first, end)| Observed { every, first, end }),
     ]
@@ -115,15 +118,15 @@ proptest! {
 
     #[test]
     fn executor_skips_unseen_samples_without_changes(
-        world in worlds(),
+        scenario in random_scenarios(),
         observed in prop::collection::vec(observed(), 18),
         threads in any::<bool>(),
     ) {
-        let mut plan = planned(&world)?;
-        let whole = reference(&world, &plan);
+        let mut plan = build_plan(&scenario)?;
+        let whole = reference(&scenario, &plan);
         plan.observed = observed;
-        let tape = Shared::new(&plan);
-        let parts = assemble(&plan, world.participants(), |_| Box::new(tape.clone()));
+        let tape = SharedTape::new(&plan);
+        let parts = connect_locally(&plan, scenario.participants(), |_| Box::new(tape.clone()));
         if threads {
             run_in_threads(parts, plan.end).unwrap();
         } else {
@@ -146,37 +149,37 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 1000, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
     #[test]
-    fn run_resumed_at_any_instant_equals_reference(world in worlds(), stop in 0_i64..10_000) {
-        let plan = planned(&world)?;
-        let tape = Shared::new(&plan);
-        let mut run = InLoop::new(&plan, assemble(&plan, world.participants(), |_| Box::new(tape.clone())));
+    fn run_resumed_at_any_instant_equals_reference(scenario in random_scenarios(), stop in 0_i64..10_000) {
+        let plan = build_plan(&scenario)?;
+        let tape = SharedTape::new(&plan);
+        let mut run = InLoop::new(&plan, connect_locally(&plan, scenario.participants(), |_| Box::new(tape.clone())));
         let stop = stop * plan.end / 10_000;
         run.run_to(stop, |_| {}).unwrap();
-        go_on(&plan, &plan.cut_at(stop), run.into_participants(), &tape);
-        prop_assert_eq!(tape.take(), reference(&world, &plan));
+        resume_from_cut(&plan, &plan.cut_at(stop), run.into_participants(), &tape);
+        prop_assert_eq!(tape.take(), reference(&scenario, &plan));
     }
 
     #[test]
     fn run_resumed_from_any_positions_equals_reference(
-        world in worlds(),
-        turns in prop::collection::vec(0_usize..6, 0..200),
+        scenario in random_scenarios(),
+        poll_order in prop::collection::vec(0_usize..6, 0..200),
     ) {
-        let plan = planned(&world)?;
-        let tape = Shared::new(&plan);
-        let parts = assemble(&plan, world.participants(), |_| Box::new(tape.clone()));
-        let mut steppers: Vec<_> = parts.into_iter().map(|part| part.stepper()).collect();
+        let plan = build_plan(&scenario)?;
+        let tape = SharedTape::new(&plan);
+        let parts = connect_locally(&plan, scenario.participants(), |_| Box::new(tape.clone()));
+        let mut steppers: Vec<_> = parts.into_iter().map(|part| part.into_stepper()).collect();
         steppers.iter_mut().for_each(|stepper| stepper.extend_horizon(plan.end));
-        for turn in turns {
-            let number = turn % steppers.len();
+        for number in poll_order {
+            let number = number % steppers.len();
             steppers[number].poll().unwrap();
         }
         for stepper in &mut steppers {
-            prop_assert!(stepper.come_to_rest().unwrap());
+            prop_assert!(stepper.pause().unwrap());
         }
         let cut = Cut { next: steppers.iter().map(|stepper| stepper.next_activation()).collect() };
         let participants = steppers.into_iter().map(|stepper| stepper.into_participant()).collect();
-        go_on(&plan, &cut, participants, &tape);
-        prop_assert_eq!(tape.take(), reference(&world, &plan));
+        resume_from_cut(&plan, &cut, participants, &tape);
+        prop_assert_eq!(tape.take(), reference(&scenario, &plan));
     }
 }
 
@@ -184,10 +187,10 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
     #[test]
-    fn threads_equal_reference_executor(world in worlds()) {
-        let plan = planned(&world)?;
-        let tape = Shared::new(&plan);
-        run_in_threads(assemble(&plan, world.participants(), |_| Box::new(tape.clone())), plan.end).unwrap();
-        prop_assert_eq!(tape.take(), reference(&world, &plan));
+    fn threads_equal_reference_executor(scenario in random_scenarios()) {
+        let plan = build_plan(&scenario)?;
+        let tape = SharedTape::new(&plan);
+        run_in_threads(connect_locally(&plan, scenario.participants(), |_| Box::new(tape.clone())), plan.end).unwrap();
+        prop_assert_eq!(tape.take(), reference(&scenario, &plan));
     }
 }

@@ -1,20 +1,20 @@
-//! What every transport must do, written once and held against each of them.
+//! The requirements on every transport: one test suite for all of them.
 
-mod place;
+mod test_domain;
 
 use std::collections::VecDeque;
 
 use lockstep::control::ParticipantEvent;
 use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
-use lockstep::transport::{Broken, Header, Receiver, Recording, Sender, local};
-use place::Place;
+use lockstep::transport::{Header, Receiver, Recording, Sender, TransportError, local};
 use proptest::prelude::*;
+use test_domain::TestDomain;
 
-/// The two ends of a link, and what must outlive them.
+/// The two ends of a link, and the service that must outlive them.
 struct Link {
     sender: Box<dyn Sender>,
     receiver: Box<dyn Receiver>,
-    _keeps: Option<(LinkService, Place)>,
+    _keeps: Option<(LinkService, TestDomain)>,
 }
 
 fn in_one_process(size: usize, capacity: usize) -> Link {
@@ -27,12 +27,12 @@ fn in_one_process(size: usize, capacity: usize) -> Link {
 }
 
 fn in_shared_memory(size: usize, capacity: usize) -> Link {
-    let place = Place::new();
-    let service = LinkService::create(&place.domain, 7, size, capacity).expect("a new domain has room");
+    let test = TestDomain::new();
+    let service = LinkService::create(&test.domain, 7, size, capacity).expect("a new domain has room");
     Link {
-        receiver: Box::new(service.receiver(&place.domain).expect("the only receiver")),
-        sender: Box::new(service.sender(&place.domain).expect("the only sender")),
-        _keeps: Some((service, place)),
+        receiver: Box::new(service.receiver(&test.domain).expect("the only receiver")),
+        sender: Box::new(service.sender(&test.domain).expect("the only sender")),
+        _keeps: Some((service, test)),
     }
 }
 
@@ -75,19 +75,19 @@ every_link!(
     link_is_fifo_queue_for_any_call_order,
 );
 
-type Make = fn(usize, usize) -> Link;
+type CreateLink = fn(usize, usize) -> Link;
 
-fn empty_link_returns_no_sample(make: Make) {
-    let mut link = make(16, 2);
+fn empty_link_returns_no_sample(create_link: CreateLink) {
+    let mut link = create_link(16, 2);
     assert_eq!(link.receive(16), None);
     assert!(link.send(0, 16));
     assert!(link.receive(16).is_some());
     assert_eq!(link.receive(16), None, "a sample is received once");
 }
 
-fn link_delivers_sample_unchanged(make: Make) {
+fn link_delivers_sample_unchanged(create_link: CreateLink) {
     for size in [1, 7, 8, 216, 4096, 100_000] {
-        let mut link = make(size, 1);
+        let mut link = create_link(size, 1);
         for index in [0, 1, u64::MAX >> 12] {
             assert!(link.send(index, size));
             assert_eq!(link.receive(size), Some(sample(index, size)), "{size} bytes");
@@ -95,9 +95,9 @@ fn link_delivers_sample_unchanged(make: Make) {
     }
 }
 
-fn full_link_rejects_sample_and_keeps_queue(make: Make) {
+fn full_link_rejects_sample_and_keeps_queue(create_link: CreateLink) {
     for capacity in [1, 2, 13] {
-        let mut link = make(24, capacity);
+        let mut link = create_link(24, capacity);
         for index in 0..capacity as u64 {
             assert!(link.send(index, 24), "there is room for {capacity}");
         }
@@ -111,8 +111,8 @@ fn full_link_rejects_sample_and_keeps_queue(make: Make) {
     }
 }
 
-fn link_rejects_sample_of_wrong_size(make: Make) {
-    let mut link = make(16, 2);
+fn link_rejects_sample_of_wrong_size(create_link: CreateLink) {
+    let mut link = create_link(16, 2);
     let (header, payload) = sample(0, 24);
     assert!(link.sender.try_send(header, &payload).is_err());
     assert!(link.sender.try_send(header, &payload[..8]).is_err());
@@ -121,10 +121,10 @@ fn link_rejects_sample_of_wrong_size(make: Make) {
     assert!(link.receiver.try_receive(&mut [0; 8]).is_err());
 }
 
-fn link_is_fifo_queue_for_any_call_order(make: Make) {
+fn link_is_fifo_queue_for_any_call_order(create_link: CreateLink) {
     let plans = (1..20_usize, prop::collection::vec(any::<bool>(), 0..400));
     proptest!(ProptestConfig::with_cases(24), |((capacity, calls) in plans)| {
-        let mut link = make(40, capacity);
+        let mut link = create_link(40, capacity);
         let (mut queue, mut next) = (VecDeque::new(), 0);
         for sends in calls {
             if sends {
@@ -147,11 +147,11 @@ fn record_delivers_entries_in_order_to_lagging_recorder() {
     let sizes = prop::collection::vec(prop_oneof![1..64_usize, 64..3000_usize, 33_000..50_000_usize], 1..4);
     let plans = (sizes, prop::collection::vec(0..40_u64, 1..60));
     proptest!(ProptestConfig::with_cases(12), |((sizes, lags) in plans)| {
-        let place = Place::new();
-        let mut receiver = RecordReceiver::create(&place.domain, "plant").expect("room");
-        let sender = RecordSender::open(&place.domain, "plant", 0, &sizes, 1 << 14).expect("the recorder is there");
+        let test = TestDomain::new();
+        let mut receiver = RecordReceiver::create(&test.domain, "plant").expect("room");
+        let sender = RecordSender::open(&test.domain, "plant", 0, &sizes, 1 << 14).expect("the recorder is there");
         let mut sender = SharedRecord(std::rc::Rc::new(std::cell::RefCell::new(sender)));
-        let due: Vec<(u32, usize)> = (0..).zip(sizes).collect();
+        let streams: Vec<(u32, usize)> = (0..).zip(sizes).collect();
         let (mut expected, mut next, mut events) = (VecDeque::new(), 0, 0);
         let mut take = |expected: &mut VecDeque<(u32, Header, Vec<u8>)>| {
             receiver.receive(|entry| {
@@ -164,12 +164,12 @@ fn record_delivers_entries_in_order_to_lagging_recorder() {
                         events += 1;
                     }
                 }
-                Ok::<(), Broken>(())
+                Ok::<(), TransportError>(())
             })
         };
         for (round, lag) in (0..).zip(lags) {
             for index in next..next + lag {
-                for &(stream, size) in &due {
+                for &(stream, size) in &streams {
                     let (header, payload) = sample(index, size);
                     while !sender.try_append(stream, header, &payload)? {
                         prop_assert!(take(&mut expected)?, "a full record has something to take");
@@ -179,7 +179,7 @@ fn record_delivers_entries_in_order_to_lagging_recorder() {
                 sender.commit();
             }
             next += lag;
-            while !sender.0.borrow_mut().event(&ParticipantEvent::Paused { next: round })? {
+            while !sender.0.borrow_mut().try_append_event(&ParticipantEvent::Paused { next: round })? {
                 prop_assert!(take(&mut expected)?, "a full record has something to take");
             }
             take(&mut expected)?;

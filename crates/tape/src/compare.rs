@@ -134,16 +134,16 @@ pub fn compare(a: &(impl Source + ?Sized), b: &(impl Source + ?Sized)) -> Result
     let (in_a, in_b) = (sorted(a.streams()), sorted(b.streams()));
     for &(name_b, _) in &in_b {
         if in_a.iter().all(|(name_a, _)| *name_a != name_b) {
-            result.streams.push(missing(name_b, 'A'));
+            result.streams.push(missing_stream(name_b, 'A'));
         }
     }
     for &(key, at_a) in &in_a {
         let Some(&(_, at_b)) = in_b.iter().find(|(name, _)| *name == key) else {
-            result.streams.push(missing(key, 'B'));
+            result.streams.push(missing_stream(key, 'B'));
             continue;
         };
         let (spec_a, spec_b) = (&a.streams()[at_a], &b.streams()[at_b]);
-        if let Some(difference) = described_differently(spec_a, spec_b) {
+        if let Some(difference) = compare_specs(spec_a, spec_b) {
             result.streams.push(difference);
             continue;
         }
@@ -171,14 +171,14 @@ fn sorted(streams: &[StreamSpec]) -> Vec<((&str, &str), usize)> {
     keys
 }
 
-fn missing((participant, port): (&str, &str), missing_in: char) -> StreamDifference {
+fn missing_stream((participant, port): (&str, &str), missing_in: char) -> StreamDifference {
     StreamDifference::Missing {
         stream: format!("{participant}.{port}"),
         missing_in,
     }
 }
 
-fn described_differently(a: &StreamSpec, b: &StreamSpec) -> Option<StreamDifference> {
+fn compare_specs(a: &StreamSpec, b: &StreamSpec) -> Option<StreamDifference> {
     if let Some(detail) = a.descriptor.difference(&b.descriptor) {
         return Some(StreamDifference::Description {
             stream: a.name(),
@@ -208,19 +208,23 @@ fn compare_stream(
 ) -> Result<(), ReadError> {
     let spec = &a.streams()[at_a];
     let stride = spec.stride();
-    let at_once = (CHUNK_BYTES / stride).max(1);
-    let (mut chunk_a, mut chunk_b) = (vec![0; at_once * stride], vec![0; at_once * stride]);
+    let chunk_records = (CHUNK_BYTES / stride).max(1);
+    let (mut chunk_a, mut chunk_b) = (vec![0; chunk_records * stride], vec![0; chunk_records * stride]);
     let mut fields: Vec<Option<FieldDifference>> = vec![None; spec.descriptor.fields.len()];
     let mut first: Option<FirstDifference> = None;
     let mut next = 0;
     while next < count {
-        let bytes = (count - next).min(at_once as u64) as usize * stride;
-        let (side_a, side_b) = (&mut chunk_a[..bytes], &mut chunk_b[..bytes]);
-        a.read(at_a, next, side_a)?;
-        b.read(at_b, next, side_b)?;
+        let bytes = (count - next).min(chunk_records as u64) as usize * stride;
+        let (records_a, records_b) = (&mut chunk_a[..bytes], &mut chunk_b[..bytes]);
+        a.read(at_a, next, records_a)?;
+        b.read(at_b, next, records_b)?;
         // Equal tapes are the usual case: single records are compared only when a chunk differs.
-        if side_a != side_b {
-            for (k, (x, y)) in side_a.chunks_exact(stride).zip(side_b.chunks_exact(stride)).enumerate() {
+        if records_a != records_b {
+            for (k, (x, y)) in records_a
+                .chunks_exact(stride)
+                .zip(records_b.chunks_exact(stride))
+                .enumerate()
+            {
                 if x != y {
                     let index = spec.first_index + next + k as u64;
                     let found = compare_record(spec, index, x, y, &mut fields);

@@ -177,11 +177,11 @@ pub enum ReadError {
         /// The folder.
         path: PathBuf,
     },
-    /// The user may not look into the folder.
+    /// The user has no permission to read the folder.
     #[error("{}: cannot be read: {source}; a run folder is accessible only to the user who recorded it, until that user runs \
         `chmod a+rx` on it", path.display())]
     NoAccess {
-        /// The file that was looked for.
+        /// The required file.
         path: PathBuf,
         /// The system's error.
         source: io::Error,
@@ -254,11 +254,11 @@ pub enum ReadError {
     /// A time window without any sample, on a tape that has samples.
     #[error(
         "no sample {}: the selected streams have samples from {first_s:?} s to {last_s:?} s; choose a window that contains one of their instants",
-        window(asked)
+        window(requested)
     )]
     Outside {
         /// The first and the last requested instant, if any.
-        asked: Box<[Option<Rational>; 2]>,
+        requested: Box<[Option<Rational>; 2]>,
         /// The first instant with a sample, s.
         first_s: f64,
         /// The last instant with a sample, s.
@@ -285,8 +285,8 @@ pub enum ReadError {
 }
 
 /// Where a requested window lies.
-fn window(asked: &[Option<Rational>; 2]) -> String {
-    match asked {
+fn window(requested: &[Option<Rational>; 2]) -> String {
+    match requested {
         [Some(from), Some(to)] => format!("lies from {from} to {to}"),
         [Some(from), None] => format!("lies at or after {from}"),
         [None, Some(to)] => format!("lies at or before {to}"),

@@ -42,7 +42,7 @@ pub struct Event {
 
 impl Event {
     /// The line of the event with its line feed.
-    pub(crate) fn line(&self) -> Vec<u8> {
+    pub(crate) fn to_json_line(&self) -> Vec<u8> {
         let mut line = serde_json::to_vec(self).expect("text, a name and a number always serialise");
         line.push(b'\n');
         line

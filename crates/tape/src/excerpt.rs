@@ -8,7 +8,7 @@ use super::{ReadError, Source, StreamSpec, split_record};
 
 /// A selection from a source: `participant.port` for a whole stream, `participant.port.field` for a field of it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Choice {
+pub struct ExcerptSpec {
     /// Streams and fields; an empty list selects everything.
     pub names: Vec<String>,
     /// The earliest stamp.
@@ -21,11 +21,11 @@ pub struct Choice {
 pub struct Excerpt<'a, S: Source + ?Sized> {
     source: &'a S,
     streams: Vec<StreamSpec>,
-    picked: Vec<Picked>,
+    selected: Vec<SelectedStream>,
 }
 
 /// A selected stream.
-struct Picked {
+struct SelectedStream {
     stream: usize,
     /// The first record, and the number of records.
     first: u64,
@@ -35,20 +35,20 @@ struct Picked {
 }
 
 impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
-    /// Resolves `choice` in `source`.
+    /// Resolves `excerpt_spec` in `source`.
     ///
     /// # Errors
     /// A stream or field that does not exist, with those that do; an end before the beginning; a window without a sample of a
     /// selected stream, if there are samples; a tape that cannot be read.
-    pub fn new(source: &'a S, choice: &Choice) -> Result<Excerpt<'a, S>, ReadError> {
-        if let (Some(from), Some(to)) = (choice.from, choice.to)
+    pub fn new(source: &'a S, excerpt_spec: &ExcerptSpec) -> Result<Excerpt<'a, S>, ReadError> {
+        if let (Some(from), Some(to)) = (excerpt_spec.from, excerpt_spec.to)
             && to < from
         {
             return Err(ReadError::Window { from, to });
         }
         let all = source.streams();
         let mut fields: Vec<Option<Vec<usize>>> = vec![None; all.len()];
-        for name in &choice.names {
+        for name in &excerpt_spec.names {
             let whole = name.split('.').count() <= 2;
             let (stream, field) = if whole {
                 (source.stream(name)?, None)
@@ -64,24 +64,24 @@ impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
                 None => own.extend(0..count),
             }
         }
-        let (mut streams, mut picked) = (Vec::new(), Vec::new());
+        let (mut streams, mut selected) = (Vec::new(), Vec::new());
         for (stream, fields) in fields.into_iter().enumerate() {
-            if fields.is_none() && !choice.names.is_empty() {
+            if fields.is_none() && !excerpt_spec.names.is_empty() {
                 continue;
             }
-            let first = match choice.from {
+            let first = match excerpt_spec.from {
                 Some(from) => records_before(source, stream, |stamp_s| stamp_s < from.seconds())?,
                 None => 0,
             };
-            let end = match choice.to {
+            let end = match excerpt_spec.to {
                 Some(to) => records_before(source, stream, |stamp_s| stamp_s <= to.seconds())?,
                 None => source.count(stream),
             };
             let mut spec = all[stream].clone();
             spec.first_index += first;
-            let parts = fields.and_then(|fields| narrow(&mut spec.descriptor, &fields));
+            let parts = fields.and_then(|fields| retain_fields(&mut spec.descriptor, &fields));
             streams.push(spec);
-            picked.push(Picked {
+            selected.push(SelectedStream {
                 stream,
                 first,
                 count: end.saturating_sub(first),
@@ -91,24 +91,24 @@ impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
         let excerpt = Excerpt {
             source,
             streams,
-            picked,
+            selected,
         };
-        excerpt.check_window(choice)?;
+        excerpt.check_window(excerpt_spec)?;
         Ok(excerpt)
     }
 
     /// A window that leaves nothing of streams that have samples is a mistake, such as one after the end of the run.
-    fn check_window(&self, choice: &Choice) -> Result<(), ReadError> {
-        if self.picked.iter().any(|picked| picked.count > 0) {
+    fn check_window(&self, excerpt_spec: &ExcerptSpec) -> Result<(), ReadError> {
+        if self.selected.iter().any(|selected| selected.count > 0) {
             return Ok(());
         }
         let (mut first_s, mut last_s) = (f64::INFINITY, f64::NEG_INFINITY);
-        for picked in &self.picked {
-            let mut record = vec![0; self.source.streams()[picked.stream].stride()];
-            if let Some(last) = self.source.count(picked.stream).checked_sub(1) {
-                self.source.read(picked.stream, 0, &mut record)?;
+        for selected in &self.selected {
+            let mut record = vec![0; self.source.streams()[selected.stream].stride()];
+            if let Some(last) = self.source.count(selected.stream).checked_sub(1) {
+                self.source.read(selected.stream, 0, &mut record)?;
                 first_s = first_s.min(split_record(&record, 0).stamp_s);
-                self.source.read(picked.stream, last, &mut record)?;
+                self.source.read(selected.stream, last, &mut record)?;
                 last_s = last_s.max(split_record(&record, last).stamp_s);
             }
         }
@@ -117,7 +117,7 @@ impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
             return Ok(());
         }
         Err(ReadError::Outside {
-            asked: Box::new([choice.from, choice.to]),
+            requested: Box::new([excerpt_spec.from, excerpt_spec.to]),
             first_s,
             last_s,
         })
@@ -125,7 +125,7 @@ impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
 }
 
 /// Keeps only `fields` in `descriptor`; returns their byte ranges in a record, if any field is removed.
-fn narrow(descriptor: &mut Descriptor, fields: &[usize]) -> Option<Vec<std::ops::Range<usize>>> {
+fn retain_fields(descriptor: &mut Descriptor, fields: &[usize]) -> Option<Vec<std::ops::Range<usize>>> {
     if (0..descriptor.fields.len()).all(|field| fields.contains(&field)) {
         return None;
     }
@@ -168,19 +168,19 @@ impl<S: Source + ?Sized> Source for Excerpt<'_, S> {
     }
 
     fn count(&self, stream: usize) -> u64 {
-        self.picked[stream].count
+        self.selected[stream].count
     }
 
     fn read(&self, stream: usize, first: u64, records: &mut [u8]) -> Result<(), ReadError> {
         let stride = self.check_range(stream, first, records.len())?;
-        let own = &self.picked[stream];
+        let own = &self.selected[stream];
         let Some(parts) = &own.parts else {
             return self.source.read(own.stream, own.first + first, records);
         };
-        let wide = self.source.streams()[own.stream].stride();
-        let mut all = vec![0; records.len() / stride * wide];
+        let source_stride = self.source.streams()[own.stream].stride();
+        let mut all = vec![0; records.len() / stride * source_stride];
         self.source.read(own.stream, own.first + first, &mut all)?;
-        for (narrow, record) in records.chunks_exact_mut(stride).zip(all.chunks_exact(wide)) {
+        for (narrow, record) in records.chunks_exact_mut(stride).zip(all.chunks_exact(source_stride)) {
             let (stamp, mut rest) = narrow.split_at_mut(STAMP_BYTES);
             stamp.copy_from_slice(&record[..STAMP_BYTES]);
             for part in parts {
@@ -203,12 +203,12 @@ mod tests {
     fn excerpt_rejects_reversed_window() {
         let tape = tape();
         let chosen = |from: i64, to: i64| {
-            let choice = Choice {
+            let excerpt_spec = ExcerptSpec {
                 from: Some(Rational::from_millis(from)),
                 to: Some(Rational::from_millis(to)),
-                ..Choice::default()
+                ..ExcerptSpec::default()
             };
-            Excerpt::new(&tape, &choice).map(|chosen| chosen.count(0))
+            Excerpt::new(&tape, &excerpt_spec).map(|chosen| chosen.count(0))
         };
         assert_eq!(chosen(300, 300).unwrap(), 1);
         let error = chosen(500, 300).unwrap_err().to_string();
@@ -252,8 +252,8 @@ mod tests {
         tape
     }
 
-    fn choice(names: &[&str], from: Option<i64>, to: Option<i64>) -> Choice {
-        Choice {
+    fn excerpt_spec(names: &[&str], from: Option<i64>, to: Option<i64>) -> ExcerptSpec {
+        ExcerptSpec {
             names: names.iter().map(|name| (*name).to_owned()).collect(),
             from: from.map(Rational::from_millis),
             to: to.map(Rational::from_millis),
@@ -263,14 +263,14 @@ mod tests {
     #[test]
     fn empty_excerpt_spec_selects_whole_tape() {
         let tape = tape();
-        let all = Excerpt::new(&tape, &Choice::default()).unwrap();
+        let all = Excerpt::new(&tape, &ExcerptSpec::default()).unwrap();
         assert_eq!(all.digest().unwrap(), tape.digest().unwrap());
     }
 
     #[test]
     fn excerpt_keeps_fields_and_times_of_tape() {
         let tape = tape();
-        let some = Excerpt::new(&tape, &choice(&["a.y.w", "a.y.v"], Some(950), Some(2000))).unwrap();
+        let some = Excerpt::new(&tape, &excerpt_spec(&["a.y.w", "a.y.v"], Some(950), Some(2000))).unwrap();
         assert_eq!(some.streams().len(), 1);
         let spec = &some.streams()[0];
         let names: Vec<&str> = spec.descriptor.fields.iter().map(|field| field.name.as_str()).collect();
@@ -292,22 +292,30 @@ mod tests {
     #[test]
     fn excerpt_rejects_empty_window_and_unknown_name() {
         let tape = tape();
-        for (from, to, told) in [
+        for (from, to, message_part) in [
             (Some(5000), None, "lies at or after 5 s"),
             (Some(310), Some(390), "lies from 310 ms to 390 ms"),
             (None, Some(-1), "lies at or before"),
         ] {
-            let error = Excerpt::new(&tape, &choice(&[], from, to)).err().unwrap().to_string();
-            assert!(error.contains(told) && error.contains("from 0.0 s to 4.9 s"), "{error}");
+            let error = Excerpt::new(&tape, &excerpt_spec(&[], from, to))
+                .err()
+                .unwrap()
+                .to_string();
+            assert!(
+                error.contains(message_part) && error.contains("from 0.0 s to 4.9 s"),
+                "{error}"
+            );
         }
         // A tape without samples has none in any window.
         let empty = MemoryTape::new(tape.streams().to_vec()).unwrap();
         assert_eq!(
-            Excerpt::new(&empty, &choice(&[], Some(5000), None)).unwrap().count(0),
+            Excerpt::new(&empty, &excerpt_spec(&[], Some(5000), None))
+                .unwrap()
+                .count(0),
             0
         );
         for (name, known) in [("a.z", "`a.x`"), ("a", "`a.x`"), ("a.x.q", "`w`")] {
-            let error = Excerpt::new(&tape, &choice(&[name], None, None))
+            let error = Excerpt::new(&tape, &excerpt_spec(&[name], None, None))
                 .err()
                 .unwrap()
                 .to_string();

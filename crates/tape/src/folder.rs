@@ -4,17 +4,17 @@
 //! plan.toml                  the scenario with every default filled in
 //! run.json                   versions, host, command line, files
 //! summary.json               verdict and figures of merit
-//! log/<participant>.stderr   what each participant said
+//! log/<participant>.stderr   the standard error of each participant
 //! tape/                      see `tape`
-//! outputs.json               what was written into the folder on request
+//! outputs.json               the files that were written into the folder on request
 //! ```
 
-mod claim;
 mod outputs;
-mod place;
+mod paths;
+mod reservation;
 mod utc;
 
-pub use claim::Claim;
-pub use outputs::note_outputs;
-pub use place::{FolderError, MARKS, RECORD, RunFolder, private};
+pub use outputs::record_outputs;
+pub use paths::{FolderError, REQUIRED_FILES, RUN_ENTRIES, RunFolder, private_dir_builder};
+pub use reservation::Reservation;
 pub use utc::{utc_compact, utc_text};

@@ -3,7 +3,7 @@
 use super::{Digest, StreamSpec};
 
 /// The digest of a tape from the counts and hashes of its streams, given in any order.
-pub(crate) fn combine<'a>(streams: impl Iterator<Item = (&'a StreamSpec, u64, Digest)>) -> Digest {
+pub(crate) fn combine_hashes<'a>(streams: impl Iterator<Item = (&'a StreamSpec, u64, Digest)>) -> Digest {
     let mut streams: Vec<_> = streams.collect();
     streams.sort_by(|a, b| a.0.key().cmp(&b.0.key()));
     let mut hasher = blake3::Hasher::new_derive_key("escapement tape 1");

@@ -18,8 +18,9 @@
 //! an order that does not depend on which stream arrived first. Events are not part of it, so a run that was interrupted and resumed can
 //! be shown to have the tape of the undisturbed one.
 
+mod atomic;
+mod block_queue;
 pub mod compare;
-mod desk;
 mod digest;
 mod error;
 mod events;
@@ -31,29 +32,28 @@ mod memory;
 mod reader;
 mod regular;
 mod selection;
+mod sequence;
 mod sink;
 mod source;
 mod spec;
 mod stream_file;
 #[cfg(test)]
 mod testing;
-mod track;
-mod whole;
 mod writer;
 
+pub use atomic::write_atomic;
 pub use digest::{Digest, ParseDigestError};
 pub use error::{AppendError, CreateError, ReadError, SpecError};
 pub use events::{Event, EventKind};
-pub use excerpt::{Choice, Excerpt};
+pub use excerpt::{Excerpt, ExcerptSpec};
 pub use format::FORMAT_VERSION;
 pub use memory::{DigestSink, MemoryTape};
-pub use reader::{Reader, Torn, digest_of, is_file};
+pub use reader::{IncompleteRecord, Reader, digest_of, is_file};
 pub use regular::{open_regular, read_regular};
 pub use selection::Selection;
 pub use sink::Sink;
-pub use source::{FieldRef, Record, Records, Source, split as split_record};
+pub use source::{FieldRef, Record, Records, Source, split_record};
 pub use spec::StreamSpec;
-pub use whole::write_whole;
 pub use writer::Writer;
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use super::format::FORMAT_NAME;
-use super::hash::combine;
+use super::hash::combine_hashes;
 use super::regular::open_regular;
 use super::source::hash_stream;
 use super::spec::{Index, Seal, validate_all};
@@ -23,21 +23,21 @@ const MAX_TEXT_BYTES: u64 = 1 << 28;
 pub struct Reader {
     dir: PathBuf,
     streams: Vec<StreamSpec>,
-    lanes: Vec<Lane>,
+    open_streams: Vec<OpenStream>,
     seal: Option<Seal>,
 }
 
 #[derive(Debug)]
-struct Lane {
+struct OpenStream {
     path: PathBuf,
     file: File,
     count: u64,
-    torn_bytes: u64,
+    incomplete_bytes: u64,
 }
 
 /// An incomplete last record on the disk.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Torn {
+pub struct IncompleteRecord {
     /// The stream, `participant.port`.
     pub stream: String,
     /// How many complete records come before it.
@@ -49,7 +49,7 @@ pub struct Torn {
 /// Whether there is a regular file at `path`.
 ///
 /// # Errors
-/// When that cannot be known, because a folder on the way cannot be looked into.
+/// When a folder of the path cannot be read.
 pub fn is_file(path: &Path) -> Result<bool, ReadError> {
     let path = path.to_owned();
     match fs::metadata(&path) {
@@ -64,15 +64,15 @@ impl Reader {
     /// Opens the tape in `dir`, which is a `tape` folder or a run folder that contains one.
     pub fn open(dir: &Path) -> Result<Reader, ReadError> {
         let mut found = None;
-        for place in [dir.join("tape"), dir.to_owned()] {
-            if found.is_none() && is_file(&place.join("index.json"))? {
-                found = Some(place);
+        for folder in [dir.join("tape"), dir.to_owned()] {
+            if found.is_none() && is_file(&folder.join("index.json"))? {
+                found = Some(folder);
             }
         }
         let dir = found.ok_or_else(|| ReadError::NoTape { path: dir.to_owned() })?;
         let path = dir.join("index.json");
         let streams = read_index(&path)?;
-        let mut lanes = Vec::with_capacity(streams.len());
+        let mut open_streams = Vec::with_capacity(streams.len());
         for spec in &streams {
             let path = dir.join(spec.file_name());
             let io = |source| ReadError::Io {
@@ -80,18 +80,18 @@ impl Reader {
                 source,
             };
             let file = open_regular(&path).map_err(io)?;
-            lanes.push(Lane {
+            open_streams.push(OpenStream {
                 path,
                 file,
                 count: 0,
-                torn_bytes: 0,
+                incomplete_bytes: 0,
             });
         }
         let mut reader = Reader {
             seal: read_seal(&dir)?,
             dir,
             streams,
-            lanes,
+            open_streams,
         };
         reader.refresh()?;
         Ok(reader)
@@ -104,27 +104,27 @@ impl Reader {
 
     /// Updates the lengths of the streams, which grow on a tape that is being written.
     pub fn refresh(&mut self) -> Result<(), ReadError> {
-        for (spec, lane) in self.streams.iter().zip(&mut self.lanes) {
-            let metadata = lane.file.metadata().map_err(|source| ReadError::Io {
-                path: lane.path.clone(),
+        for (spec, open) in self.streams.iter().zip(&mut self.open_streams) {
+            let metadata = open.file.metadata().map_err(|source| ReadError::Io {
+                path: open.path.clone(),
                 source,
             })?;
             let stride = spec.stride() as u64;
-            lane.count = metadata.len() / stride;
-            lane.torn_bytes = metadata.len() % stride;
+            open.count = metadata.len() / stride;
+            open.incomplete_bytes = metadata.len() % stride;
         }
         Ok(())
     }
 
     /// Streams that end with an incomplete record.
-    pub fn torn(&self) -> Vec<Torn> {
-        let lanes = self.streams.iter().zip(&self.lanes);
-        lanes
-            .filter(|(_, lane)| lane.torn_bytes > 0)
-            .map(|(spec, lane)| Torn {
+    pub fn incomplete_records(&self) -> Vec<IncompleteRecord> {
+        let open_streams = self.streams.iter().zip(&self.open_streams);
+        open_streams
+            .filter(|(_, open)| open.incomplete_bytes > 0)
+            .map(|(spec, open)| IncompleteRecord {
                 stream: spec.name(),
-                complete: lane.count,
-                bytes: lane.torn_bytes,
+                complete: open.count,
+                bytes: open.incomplete_bytes,
             })
             .collect()
     }
@@ -151,19 +151,19 @@ impl Reader {
         let mut parts = Vec::with_capacity(seal.streams.len());
         for entry in &seal.streams {
             let stream = self.stream(&entry.stream)?;
-            let lane = &self.lanes[stream];
+            let open = &self.open_streams[stream];
             let altered = |found: String, sealed: String| ReadError::Altered {
-                path: lane.path.clone(),
+                path: open.path.clone(),
                 stream: entry.stream.clone(),
                 found,
                 sealed,
             };
-            if lane.count != entry.count || lane.torn_bytes != 0 {
-                let torn = match lane.torn_bytes {
+            if open.count != entry.count || open.incomplete_bytes != 0 {
+                let torn = match open.incomplete_bytes {
                     0 => String::new(),
                     bytes => format!(" and {bytes} bytes of another"),
                 };
-                let found = format!("{} samples{torn}", lane.count);
+                let found = format!("{} samples{torn}", open.count);
                 return Err(altered(found, format!("{} samples", entry.count)));
             }
             let hash = hash_stream(self, stream)?;
@@ -171,9 +171,9 @@ impl Reader {
                 let of = |hash| format!("the BLAKE3 hash {hash}");
                 return Err(altered(of(hash), of(entry.blake3)));
             }
-            parts.push((&self.streams[stream], lane.count, hash));
+            parts.push((&self.streams[stream], open.count, hash));
         }
-        if combine(parts.into_iter()) != seal.digest {
+        if combine_hashes(parts.into_iter()) != seal.digest {
             return Err(damaged(
                 &self.dir.join("index.json"),
                 "it is not the index that was written",
@@ -199,16 +199,16 @@ impl Source for Reader {
     }
 
     fn count(&self, stream: usize) -> u64 {
-        self.lanes[stream].count
+        self.open_streams[stream].count
     }
 
     fn read(&self, stream: usize, first: u64, records: &mut [u8]) -> Result<(), ReadError> {
         let stride = self.check_range(stream, first, records.len())?;
-        let lane = &self.lanes[stream];
-        lane.file
+        let open = &self.open_streams[stream];
+        open.file
             .read_exact_at(records, first * stride as u64)
             .map_err(|source| ReadError::Io {
-                path: lane.path.clone(),
+                path: open.path.clone(),
                 source,
             })
     }

@@ -5,10 +5,10 @@ use std::io::{self, Read};
 use std::path::Path;
 
 /// Opens the regular file `path` for reading. Anything else of that name is refused without being opened: opening a named pipe waits
-/// for a writer, who may never come, and opening a device may have effects of its own.
+/// for a writer, possibly for ever, and opening a device may have side effects.
 ///
 /// # Errors
-/// Those of the file system, and the kind of entry that is there in place of the file.
+/// Those of the file system, and the kind of entry that is found in place of the file.
 pub fn open_regular(path: &Path) -> io::Result<File> {
     let about = fs::metadata(path)?;
     if about.is_file() {

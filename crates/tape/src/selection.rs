@@ -7,7 +7,7 @@ pub struct Selection<'a, S: Source + ?Sized> {
     source: &'a S,
     streams: Vec<StreamSpec>,
     /// Their numbers in the source, and the number of records shown of each.
-    picked: Vec<(usize, u64)>,
+    selected: Vec<(usize, u64)>,
 }
 
 impl<'a, S: Source + ?Sized> Selection<'a, S> {
@@ -15,12 +15,12 @@ impl<'a, S: Source + ?Sized> Selection<'a, S> {
     ///
     /// # Panics
     /// When there is no such stream.
-    pub fn new(source: &'a S, picked: Vec<(usize, u64)>) -> Selection<'a, S> {
-        let streams = picked.iter().map(|&(stream, _)| source.streams()[stream].clone());
+    pub fn new(source: &'a S, selected: Vec<(usize, u64)>) -> Selection<'a, S> {
+        let streams = selected.iter().map(|&(stream, _)| source.streams()[stream].clone());
         Selection {
             streams: streams.collect(),
             source,
-            picked,
+            selected,
         }
     }
 }
@@ -31,12 +31,12 @@ impl<S: Source + ?Sized> Source for Selection<'_, S> {
     }
 
     fn count(&self, stream: usize) -> u64 {
-        let (at, limit) = self.picked[stream];
+        let (at, limit) = self.selected[stream];
         self.source.count(at).min(limit)
     }
 
     fn read(&self, stream: usize, first: u64, records: &mut [u8]) -> Result<(), ReadError> {
         self.check_range(stream, first, records.len())?;
-        self.source.read(self.picked[stream].0, first, records)
+        self.source.read(self.selected[stream].0, first, records)
     }
 }

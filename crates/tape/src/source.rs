@@ -2,7 +2,7 @@
 
 use lockstep::port::Field;
 
-use super::hash::combine;
+use super::hash::combine_hashes;
 use super::spec::STAMP_BYTES;
 use super::{Digest, ReadError, StreamSpec};
 
@@ -27,21 +27,21 @@ pub trait Source {
             .position(|spec| name.split_once('.') == Some(spec.key()))
             .ok_or_else(|| ReadError::NoStream {
                 name: name.to_owned(),
-                available: listed(self.streams().iter().map(StreamSpec::name)),
+                available: join_names(self.streams().iter().map(StreamSpec::name)),
             })
     }
 
     /// The field `participant.port.field`.
     fn field(&self, path: &str) -> Result<FieldRef, ReadError> {
         // Names of participants and ports have no dots; a field of a foreign participant may.
-        let cut = path.match_indices('.').nth(1).map_or(path.len(), |(at, _)| at);
-        let stream = self.stream(&path[..cut])?;
+        let name_end = path.match_indices('.').nth(1).map_or(path.len(), |(at, _)| at);
+        let stream = self.stream(&path[..name_end])?;
         let spec = &self.streams()[stream];
-        let name = path.get(cut + 1..).unwrap_or_default();
+        let name = path.get(name_end + 1..).unwrap_or_default();
         let field = spec.descriptor.field(name).ok_or_else(|| ReadError::NoField {
             stream: spec.name(),
             field: name.to_owned(),
-            available: listed(spec.descriptor.fields.iter().map(|field| field.name.clone())),
+            available: join_names(spec.descriptor.fields.iter().map(|field| field.name.clone())),
         })?;
         Ok(FieldRef {
             stream,
@@ -55,7 +55,7 @@ pub trait Source {
         for (stream, spec) in self.streams().iter().enumerate() {
             parts.push((spec, self.count(stream), hash_stream(self, stream)?));
         }
-        Ok(combine(parts.into_iter()))
+        Ok(combine_hashes(parts.into_iter()))
     }
 
     /// Checks that a read of `bytes` bytes from record `first` on stays inside the stream; returns the size of a record.
@@ -66,7 +66,7 @@ pub trait Source {
     fn check_range(&self, stream: usize, first: u64, bytes: usize) -> Result<usize, ReadError> {
         let spec = self.streams().get(stream).ok_or_else(|| ReadError::NoStream {
             name: format!("number {stream}"),
-            available: listed(self.streams().iter().map(StreamSpec::name)),
+            available: join_names(self.streams().iter().map(StreamSpec::name)),
         })?;
         let stride = spec.stride();
         assert!(
@@ -100,7 +100,7 @@ impl<S: Source + ?Sized> Source for &S {
     }
 }
 
-fn listed(names: impl Iterator<Item = String>) -> String {
+fn join_names(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
     if names.is_empty() {
         "none".to_owned()
@@ -183,7 +183,7 @@ impl<'a, S: Source + ?Sized> Records<'a, S> {
             (self.start, self.end) = (self.next, self.next + records);
         }
         let at = (self.next - self.start) as usize * self.stride;
-        let record = split(&self.buffer[at..at + self.stride], self.first_index + self.next);
+        let record = split_record(&self.buffer[at..at + self.stride], self.first_index + self.next);
         self.next += 1;
         Ok(Some(record))
     }
@@ -195,7 +195,7 @@ impl<'a, S: Source + ?Sized> Records<'a, S> {
 }
 
 /// Splits a record into its parts.
-pub fn split(bytes: &[u8], index: u64) -> Record<'_> {
+pub fn split_record(bytes: &[u8], index: u64) -> Record<'_> {
     let (stamp, payload) = bytes.split_at(STAMP_BYTES);
     let mut raw = [0; STAMP_BYTES];
     raw.copy_from_slice(stamp);

@@ -57,7 +57,7 @@ impl StreamFile {
     }
 
     /// Passes `block` to the operating system and hashes it; it is empty afterwards. After an error it contains what is not in the file.
-    pub(crate) fn put(&mut self, block: &mut Block) -> Result<(), AppendError> {
+    pub(crate) fn write_block(&mut self, block: &mut Block) -> Result<(), AppendError> {
         while block.done < block.bytes.len() {
             let rest = &block.bytes[block.done..];
             let result = match self.file.write(rest) {
@@ -65,7 +65,7 @@ impl StreamFile {
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
                 result => result,
             };
-            let taken = result.map_err(|source| failed(self.path.clone(), self.written, source))?;
+            let taken = result.map_err(|source| write_error(self.path.clone(), self.written, source))?;
             self.hasher.update(&rest[..taken]);
             block.done += taken;
             self.written += taken as u64;
@@ -76,7 +76,7 @@ impl StreamFile {
     }
 
     /// Keeps the first `kept` bytes, which are read to compute their hash.
-    pub(crate) fn cut_back(&mut self, kept: u64) -> Result<(), AppendError> {
+    pub(crate) fn truncate(&mut self, kept: u64) -> Result<(), AppendError> {
         let mut hasher = blake3::Hasher::new();
         let mut cut = || {
             self.file.set_len(kept)?;
@@ -84,7 +84,7 @@ impl StreamFile {
             // The file is read to its end, where writing continues.
             hasher.update_reader(&self.file).map(drop)
         };
-        cut().map_err(|source| failed(self.path.clone(), self.written, source))?;
+        cut().map_err(|source| write_error(self.path.clone(), self.written, source))?;
         (self.hasher, self.written) = (hasher, kept);
         Ok(())
     }
@@ -96,7 +96,7 @@ impl StreamFile {
 }
 
 /// The error for a write to the file at `path` that failed after its first `written` bytes.
-pub(crate) fn failed(path: PathBuf, written: u64, source: io::Error) -> AppendError {
+pub(crate) fn write_error(path: PathBuf, written: u64, source: io::Error) -> AppendError {
     use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
     if matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge) {
         AppendError::DiskFull { path, written, source }

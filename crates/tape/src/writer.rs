@@ -4,12 +4,12 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use super::desk::Desk;
-use super::hash::combine;
+use super::atomic::write_atomic;
+use super::block_queue::BlockQueue;
+use super::hash::combine_hashes;
+use super::sequence::SequenceChecker;
 use super::spec::{Index, STAMP_BYTES, Seal, SealEntry, validate_all};
-use super::stream_file::{Block, StreamFile, failed};
-use super::track::Track;
-use super::whole::write_whole;
+use super::stream_file::{Block, StreamFile, write_error};
 use super::{AppendError, CreateError, Digest, Event, Sink, StreamSpec};
 
 /// The number of bytes that one stream collects before they are written to its file. Large enough that hashing and the system call are
@@ -23,16 +23,16 @@ const BLOCK_BYTES: usize = 1 << 16;
 #[derive(Debug)]
 pub struct Writer {
     dir: PathBuf,
-    lanes: Vec<Lane>,
-    desk: Desk,
+    buffers: Vec<StreamBuffer>,
+    block_queue: BlockQueue,
     events: File,
     events_bytes: u64,
 }
 
 #[derive(Debug)]
-struct Lane {
-    track: Track,
-    /// The samples that have not been passed to the desk yet.
+struct StreamBuffer {
+    checker: SequenceChecker,
+    /// The samples that have not been passed to the block queue yet.
     block: Block,
 }
 
@@ -64,23 +64,23 @@ impl Writer {
                 .open(path)
                 .map_err(io(path, "create the file"))
         };
-        let (mut lanes, mut files) = (Vec::with_capacity(streams.len()), Vec::with_capacity(streams.len()));
+        let (mut buffers, mut files) = (Vec::with_capacity(streams.len()), Vec::with_capacity(streams.len()));
         for spec in streams {
             let path = dir.join(spec.file_name());
             files.push(StreamFile::new(path.clone(), create(&path)?));
-            lanes.push(Lane {
+            buffers.push(StreamBuffer {
                 block: Block::new(BLOCK_BYTES.max(spec.stride())),
-                track: Track::new(spec)?,
+                checker: SequenceChecker::new(spec)?,
             });
         }
-        let rooms = lanes.iter().map(|lane| lane.block.room).collect();
+        let block_sizes = buffers.iter().map(|buffer| buffer.block.room).collect();
         let events = create(&dir.join("events.jsonl"))?;
         let path = dir.join("index.json");
         write_json(&path, &index).map_err(io(&path, "write the index"))?;
         Ok(Writer {
             dir: dir.to_owned(),
-            lanes,
-            desk: Desk::new(files, rooms, BLOCK_BYTES),
+            buffers,
+            block_queue: BlockQueue::new(files, block_sizes, BLOCK_BYTES),
             events,
             events_bytes: 0,
         })
@@ -88,9 +88,9 @@ impl Writer {
 
     /// From now on a thread of the writer hashes and writes, if this process may use another core for it: the appending thread only
     /// copies. An error is then reported by a later call, at the latest by the next [`Writer::flush`].
-    pub fn beside(mut self) -> Writer {
+    pub fn with_thread(mut self) -> Writer {
         if std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1) {
-            self.desk.start_thread();
+            self.block_queue.start_thread();
         }
         self
     }
@@ -100,28 +100,28 @@ impl Writer {
     /// appended again, for example when there is space on the disk again.
     #[inline]
     pub fn append(&mut self, stream: usize, index: u64, stamp_s: f64, payload: &[u8]) -> Result<(), AppendError> {
-        let count = self.lanes.len();
-        let lane = self
-            .lanes
+        let count = self.buffers.len();
+        let buffer = self
+            .buffers
             .get_mut(stream)
             .ok_or(AppendError::Stream { stream, count })?;
-        lane.track.check(index, stamp_s, payload)?;
-        if !lane.block.has_room_for(STAMP_BYTES + payload.len()) {
-            self.desk.hand_over(stream, &mut lane.block)?;
+        buffer.checker.check(index, stamp_s, payload)?;
+        if !buffer.block.has_room_for(STAMP_BYTES + payload.len()) {
+            self.block_queue.enqueue(stream, &mut buffer.block)?;
         }
-        lane.block.push(stamp_s, payload);
-        lane.track.advance();
+        buffer.block.push(stamp_s, payload);
+        buffer.checker.advance();
         Ok(())
     }
 
     /// Appends an event; it is in the file when this call returns.
     pub fn event(&mut self, event: &Event) -> Result<(), AppendError> {
-        let line = event.line();
+        let line = event.to_json_line();
         let path = || self.dir.join("events.jsonl");
         // One call for the whole line, so that a crash leaves all of it or nothing.
         self.events
             .write_all(&line)
-            .map_err(|source| failed(path(), self.events_bytes, source))?;
+            .map_err(|source| write_error(path(), self.events_bytes, source))?;
         self.events_bytes += line.len() as u64;
         Ok(())
     }
@@ -129,10 +129,10 @@ impl Writer {
     /// Passes every complete sample to the operating system: from here on a crash of this process does not lose it. Every stream is
     /// tried; the first error is returned.
     pub fn flush(&mut self) -> Result<(), AppendError> {
-        let mut first = self.desk.settle();
-        for (stream, lane) in self.lanes.iter_mut().enumerate() {
-            if !self.desk.has_failed(stream) {
-                first = first.and(self.desk.file(stream).put(&mut lane.block));
+        let mut first = self.block_queue.drain();
+        for (stream, buffer) in self.buffers.iter_mut().enumerate() {
+            if !self.block_queue.has_failed(stream) {
+                first = first.and(self.block_queue.file(stream).write_block(&mut buffer.block));
             }
         }
         first
@@ -140,16 +140,16 @@ impl Writer {
 
     /// Keeps the first `counts` samples of each stream, in the order of their numbers, and no event: the tape is again that of a run that
     /// has reached this point. The data that is kept is read once, for its hash.
-    pub fn cut_back(&mut self, counts: &[u64]) -> Result<(), AppendError> {
+    pub fn truncate(&mut self, counts: &[u64]) -> Result<(), AppendError> {
         self.flush()?;
-        for (stream, (lane, &count)) in self.lanes.iter_mut().zip(counts).enumerate() {
-            lane.track.cut_back(count);
-            let kept = lane.track.count() * lane.track.spec().stride() as u64;
-            self.desk.file(stream).cut_back(kept)?;
+        for (stream, (buffer, &count)) in self.buffers.iter_mut().zip(counts).enumerate() {
+            buffer.checker.truncate(count);
+            let kept = buffer.checker.count() * buffer.checker.spec().stride() as u64;
+            self.block_queue.file(stream).truncate(kept)?;
         }
         let path = || self.dir.join("events.jsonl");
         let cut = self.events.set_len(0).and_then(|()| self.events.rewind());
-        cut.map_err(|source| failed(path(), 0, source))?;
+        cut.map_err(|source| write_error(path(), 0, source))?;
         self.events_bytes = 0;
         Ok(())
     }
@@ -161,26 +161,30 @@ impl Writer {
 
     /// How many samples stream number `stream` has, on disk and in memory; `None` when there is no such stream.
     pub fn count(&self, stream: usize) -> Option<u64> {
-        self.lanes.get(stream).map(|lane| lane.track.count())
+        self.buffers.get(stream).map(|buffer| buffer.checker.count())
     }
 
     /// Flushes everything, writes `seal.json` and returns the digest of the tape.
     pub fn finish(mut self) -> Result<Digest, AppendError> {
         self.flush()?;
-        let hashes = (0..self.lanes.len()).map(|stream| self.desk.file(stream).hash());
-        let parts = self.lanes.iter().map(|lane| &lane.track).zip(hashes);
-        let mut parts: Vec<(&Track, Digest)> = parts.collect();
+        let hashes = (0..self.buffers.len()).map(|stream| self.block_queue.file(stream).hash());
+        let parts = self.buffers.iter().map(|buffer| &buffer.checker).zip(hashes);
+        let mut parts: Vec<(&SequenceChecker, Digest)> = parts.collect();
         parts.sort_by(|a, b| a.0.spec().key().cmp(&b.0.spec().key()));
-        let digest = combine(parts.iter().map(|(track, hash)| (track.spec(), track.count(), *hash)));
-        let entry = |(track, hash): &(&Track, Digest)| SealEntry {
-            stream: track.spec().name(),
-            count: track.count(),
+        let digest = combine_hashes(
+            parts
+                .iter()
+                .map(|(checker, hash)| (checker.spec(), checker.count(), *hash)),
+        );
+        let entry = |(checker, hash): &(&SequenceChecker, Digest)| SealEntry {
+            stream: checker.spec().name(),
+            count: checker.count(),
             blake3: *hash,
         };
         let streams = parts.iter().map(entry).collect();
         let seal = Seal { digest, streams };
         let path = self.dir.join("seal.json");
-        write_json(&path, &seal).map_err(|source| failed(path, 0, source))?;
+        write_json(&path, &seal).map_err(|source| write_error(path, 0, source))?;
         Ok(digest)
     }
 }
@@ -201,7 +205,7 @@ impl Drop for Writer {
 fn write_json(path: &Path, content: &impl serde::Serialize) -> io::Result<()> {
     let mut text = serde_json::to_vec_pretty(content)?;
     text.push(b'\n');
-    write_whole(path, text)
+    write_atomic(path, text)
 }
 
 #[cfg(test)]
@@ -225,7 +229,7 @@ mod tests {
         (0..5000).for_each(|index| put(&mut writer, 0, index));
         (0..3000).for_each(|index| put(&mut writer, 1, index));
         // A count beyond the end leaves the stream unchanged.
-        writer.cut_back(&[1234, 4000]).unwrap();
+        writer.truncate(&[1234, 4000]).unwrap();
         assert_eq!((writer.count(0), writer.count(1)), (Some(1234), Some(3000)));
         (1234..2000).for_each(|index| put(&mut writer, 0, index));
         (0..2000).for_each(|index| put(&mut other, 0, index));
@@ -253,7 +257,7 @@ mod tests {
                 .collect()
         };
         let mut writers = [&alone, &beside].map(|dir| Writer::create(dir, streams()).unwrap());
-        writers[1].desk.start_thread();
+        writers[1].block_queue.start_thread();
         for index in 0..30_000 {
             for writer in &mut writers {
                 put(writer, 0, index, DOUBLES[0]).unwrap();
@@ -278,17 +282,17 @@ mod tests {
     fn dropped_writer_keeps_samples_and_frees_thread_and_file() {
         let dir = scratch("dropped");
         let mut writer = Writer::create(&dir, vec![spec("a", "x", 30)]).unwrap();
-        writer.desk.start_thread();
+        writer.block_queue.start_thread();
         (0..5000).for_each(|index| put(&mut writer, 0, index, 30).unwrap());
         let open = || {
             let all = fs::read_dir("/proc/self/fd").unwrap().flatten();
             let names = all.filter_map(|one| fs::read_link(one.path()).ok());
             names.filter(|name| name.starts_with(&dir)).count()
         };
-        let rest = writer.desk.rest();
-        assert!(open() > 0 && rest() > 0);
+        let owner_count = writer.block_queue.owner_count();
+        assert!(open() > 0 && owner_count() > 0);
         drop(writer);
-        assert_eq!((open(), rest()), (0, 0));
+        assert_eq!((open(), owner_count()), (0, 0));
         assert_eq!(Reader::open(&dir).unwrap().count(0), 5000);
     }
 
@@ -298,13 +302,13 @@ mod tests {
     fn writer_thread_reports_full_disk_per_stream() {
         let dir = scratch("full-beside");
         let mut writer = Writer::create(&dir, vec![spec("a", "x", 2), spec("b", "y", 30)]).unwrap();
-        let disk = std::mem::replace(&mut writer.desk.file(1).file, File::create("/dev/full").unwrap());
-        writer.desk.start_thread();
+        let disk = std::mem::replace(&mut writer.block_queue.file(1).file, File::create("/dev/full").unwrap());
+        writer.block_queue.start_thread();
         // Without a flush the error is reported as well, before all memory for blocks is used up.
-        let told = (0..100_000)
+        let error = (0..100_000)
             .find_map(|index| put(&mut writer, 1, index, 30).err())
             .unwrap();
-        assert!(matches!(told, AppendError::DiskFull { written: 0, .. }), "{told}");
+        assert!(matches!(error, AppendError::DiskFull { written: 0, .. }), "{error}");
         for _ in 0..2 {
             let text = writer.flush().unwrap_err().to_string();
             assert!(text.contains("b.y.bin"), "{text}");
@@ -313,19 +317,19 @@ mod tests {
         assert!(put(&mut writer, 0, 0, 2).is_ok() && writer.flush().is_err());
         let reader = Reader::open(&dir).unwrap();
         assert_eq!((reader.count(0), reader.count(1)), (1, 0));
-        writer.desk.file(1).file = disk;
+        writer.block_queue.file(1).file = disk;
         put(&mut writer, 1, count, 30).unwrap();
         let digest = writer.finish().unwrap();
         assert_eq!(digest_of(&dir).unwrap(), digest);
         assert_eq!(Reader::open(&dir).unwrap().count(1), count + 1);
     }
 
-    /// A device that is always full stands in for the stream's file.
+    /// A device that is always full replaces the stream's file.
     #[test]
     fn writer_names_full_file_and_keeps_tape_readable() {
         let dir = scratch("full");
         let mut writer = Writer::create(&dir, vec![spec("a", "x", 2), spec("b", "y", 3)]).unwrap();
-        let disk = std::mem::replace(&mut writer.desk.file(1).file, File::create("/dev/full").unwrap());
+        let disk = std::mem::replace(&mut writer.block_queue.file(1).file, File::create("/dev/full").unwrap());
         let mut index = 0;
         let error = loop {
             let (stamp, payload) = sample(index, 3);
@@ -343,7 +347,7 @@ mod tests {
         let reader = Reader::open(&dir).unwrap();
         assert_eq!((reader.count(0), reader.count(1)), (index, 0));
         // With space again, the rejected sample can be appended, and the tape is that of an undisturbed run.
-        writer.desk.file(1).file = disk;
+        writer.block_queue.file(1).file = disk;
         let (stamp, payload) = sample(index, 3);
         writer.append(1, index, stamp, &payload).unwrap();
         let digest = writer.finish().unwrap();

@@ -1,4 +1,4 @@
-//! Where two tapes part.
+//! The comparison of two tapes.
 
 mod common;
 
@@ -13,7 +13,7 @@ fn streams() -> Vec<StreamSpec> {
     ]
 }
 
-/// A tape of `streams`, 600 samples each, after `change` had its way with every payload.
+/// A tape of `streams`, 600 samples each, with every payload modified by `change`.
 fn tape(streams: &[StreamSpec], count: u64, change: impl Fn(&str, u64, &mut Vec<u8>)) -> MemoryTape {
     let mut tape = MemoryTape::new(streams.to_vec()).unwrap();
     for (s, spec) in streams.iter().enumerate() {

@@ -6,11 +6,11 @@ use std::fs::{self, OpenOptions};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-use common::{Scratch, payload, pose, scalar, spec, stamp};
+use common::{TempFolder, payload, pose, scalar, spec, stamp};
 use proptest::prelude::*;
 use tape::{AppendError, Reader, Records, Source, StreamSpec, Writer};
 
-/// Set in the child that plays the program to be killed: the folder to record to.
+/// Set in the child process that is killed: the folder to record to.
 const KILLED_WRITER: &str = "RECORDER_TEST_VICTIM";
 
 fn streams() -> Vec<StreamSpec> {
@@ -40,10 +40,12 @@ fn assert_prefix(reader: &Reader) {
     }
 }
 
-/// Not a test of its own: the program that the next one kills.
+/// Not a test by itself: the program that the next test kills.
 #[test]
 fn killed_writer_process() {
-    let Some(dir) = std::env::var_os(KILLED_WRITER) else { return };
+    let Some(dir) = std::env::var_os(KILLED_WRITER) else {
+        return;
+    };
     let mut writer = Writer::create(dir.as_ref(), streams()).unwrap();
     for k in 0.. {
         append(&mut writer, 0, k).unwrap();
@@ -59,7 +61,7 @@ fn killed_writer_process() {
 
 #[test]
 fn killed_writer_keeps_flushed_samples() {
-    let scratch = Scratch::new("kill");
+    let scratch = TempFolder::new("kill");
     let dir = scratch.join("tape");
     let mut child = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "killed_writer_process", "--nocapture"])
@@ -82,7 +84,7 @@ fn killed_writer_keeps_flushed_samples() {
 /// A file system of 256 KiB. Needs the right to mount; where that is missing, the unit test with `/dev/full` has to do.
 #[test]
 fn full_disk_leaves_readable_tape() {
-    let scratch = Scratch::new("tmpfs");
+    let scratch = TempFolder::new("tmpfs");
     let mounted = Command::new("mount")
         .args(["-t", "tmpfs", "-o", "size=256k", "tmpfs"])
         .arg(&scratch.0)
@@ -112,7 +114,7 @@ fn full_disk_leaves_readable_tape() {
     }
 }
 
-fn recorded(scratch: &Scratch, samples: u64) -> std::path::PathBuf {
+fn recorded(scratch: &TempFolder, samples: u64) -> std::path::PathBuf {
     let dir = scratch.join("tape");
     let mut writer = Writer::create(&dir, streams()).unwrap();
     for k in 0..samples {
@@ -126,17 +128,17 @@ fn recorded(scratch: &Scratch, samples: u64) -> std::path::PathBuf {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Cut anywhere, a stream file is a prefix, and what is torn is told.
+    /// Truncated anywhere, a stream file is a prefix, and the incomplete record is reported.
     #[test]
     fn reader_omits_and_reports_incomplete_record(keep in 0_u64..56 * 40) {
-        let scratch = Scratch::new("torn");
+        let scratch = TempFolder::new("torn");
         let dir = recorded(&scratch, 40);
         let file = OpenOptions::new().write(true).open(dir.join("plant.truth.bin")).unwrap();
         file.set_len(keep).unwrap();
         fs::remove_file(dir.join("seal.json")).unwrap();
         let reader = Reader::open(&dir).unwrap();
         prop_assert_eq!(reader.count(reader.stream("plant.truth").unwrap()), keep / 56);
-        let torn = reader.torn();
+        let torn = reader.incomplete_records();
         if keep % 56 == 0 {
             prop_assert!(torn.is_empty());
         } else {
@@ -148,7 +150,7 @@ proptest! {
     /// One byte changed anywhere: an error or another digest, never a panic, and the seal does not fit any more.
     #[test]
     fn reader_never_panics_on_damaged_folder(which in 0_usize..4, at in any::<prop::sample::Index>(), flip in 1_u8..) {
-        let scratch = Scratch::new("damage");
+        let scratch = TempFolder::new("damage");
         let dir = recorded(&scratch, 40);
         let path = dir.join(["index.json", "seal.json", "plant.truth.bin", "controller.command.bin"][which]);
         let mut bytes = fs::read(&path).unwrap();
@@ -163,7 +165,7 @@ proptest! {
             }
             reader.verify().map(|()| reader)
         });
-        // What still opens and verifies says the same in other words: a blank for a line feed, `10.ms` for `10 ms`.
+        // An index that still opens and verifies has the same meaning in another spelling: a blank for a line feed, `10.ms` for `10 ms`.
         if let Ok(reader) = verified {
             prop_assert!(which < 2, "byte {at} of {path:?}");
             for spec in &streams() {
@@ -175,7 +177,7 @@ proptest! {
     /// Any text at all in place of the index.
     #[test]
     fn reader_never_panics_on_foreign_index(text in "\\PC{0,200}", prefix in any::<bool>()) {
-        let scratch = Scratch::new("foreign");
+        let scratch = TempFolder::new("foreign");
         let dir = recorded(&scratch, 1);
         let text = if prefix {
             format!("{{\"format\":\"escapement-tape\",\"version\":1,\"streams\":[{text}]}}")
@@ -190,7 +192,7 @@ proptest! {
 
 #[test]
 fn reader_rejects_invalid_index_naming_file() {
-    let scratch = Scratch::new("hostile");
+    let scratch = TempFolder::new("hostile");
     let dir = recorded(&scratch, 3);
     let good = fs::read_to_string(dir.join("index.json")).unwrap();
     let check = |from: &str, to: &str, part: &str| {

@@ -1,8 +1,8 @@
-//! What is written is what is read, and equal tapes have equal digests.
+//! Tapes are read as they were written, and equal tapes have equal digests.
 
 mod common;
 
-use common::{Scratch, payload, pose, scalar, spec, stamp};
+use common::{TempFolder, payload, pose, scalar, spec, stamp};
 use lockstep::time::Rational;
 use proptest::prelude::*;
 use tape::{
@@ -17,7 +17,7 @@ fn two_streams() -> Vec<StreamSpec> {
     ]
 }
 
-/// Feeds `counts[s]` samples of every stream, interleaved as `order` says.
+/// Feeds `counts[s]` samples of every stream, in the interleaving `order`.
 fn feed(sink: &mut dyn Sink, streams: &[StreamSpec], counts: &[u64], order: u64) {
     let mut next: Vec<u64> = streams.iter().map(|s| s.first_index).collect();
     let mut state = order;
@@ -37,7 +37,7 @@ fn feed(sink: &mut dyn Sink, streams: &[StreamSpec], counts: &[u64], order: u64)
 
 #[test]
 fn tape_round_trips_bit_for_bit() {
-    let scratch = Scratch::new("tape");
+    let scratch = TempFolder::new("tape");
     let dir = scratch.join("tape");
     let mut streams = two_streams();
     streams[1].first_index = 17;
@@ -58,7 +58,7 @@ fn tape_round_trips_bit_for_bit() {
     assert_eq!(reader.digest().unwrap(), digest);
     assert_eq!(digest_of(&dir).unwrap(), digest);
     reader.verify().unwrap();
-    assert_eq!(reader.torn(), []);
+    assert_eq!(reader.incomplete_records(), []);
     assert_eq!(reader.events().unwrap(), [event]);
 
     for spec in &streams {
@@ -92,7 +92,7 @@ fn tape_round_trips_bit_for_bit() {
 
 #[test]
 fn writer_rejects_invalid_sample_without_trace() {
-    let scratch = Scratch::new("refuse");
+    let scratch = TempFolder::new("refuse");
     let streams = two_streams();
     let mut writer = Writer::create(&scratch.join("t"), streams.clone()).unwrap();
     let good = payload(&streams[0], 0);
@@ -131,7 +131,7 @@ fn writer_rejects_invalid_sample_without_trace() {
 
 #[test]
 fn writer_rejects_invalid_streams_before_creation() {
-    let scratch = Scratch::new("unsound");
+    let scratch = TempFolder::new("unsound");
     let refuse = |change: fn(&mut StreamSpec), part: &str| {
         let mut streams = two_streams();
         change(&mut streams[1]);
@@ -152,7 +152,7 @@ fn writer_rejects_invalid_streams_before_creation() {
     refuse(|s| s.first_index = u64::MAX, "beyond 2^62");
 }
 
-/// Whatever distinguishes two tapes shows in the digest.
+/// Every difference between two tapes changes the digest.
 #[test]
 fn different_tapes_have_different_digests() {
     let digest = |change: fn(&mut StreamSpec), counts: &[u64]| {
@@ -196,7 +196,7 @@ proptest! {
         orders in (any::<u64>(), any::<u64>()),
         flush_at in 0_u64..100,
     ) {
-        let scratch = Scratch::new("digest");
+        let scratch = TempFolder::new("digest");
         let streams = two_streams();
         let mut writer = Writer::create(&scratch.join("tape"), streams.clone()).unwrap();
         let flush_at = flush_at.min(counts[0]);
@@ -223,25 +223,25 @@ proptest! {
 
 #[test]
 fn reader_rejects_pipe_in_place_of_file() {
-    let scratch = Scratch::new("pipe");
+    let scratch = TempFolder::new("pipe");
     let dir = scratch.join("tape");
     Writer::create(&dir, two_streams()).unwrap().finish().unwrap();
     for name in ["plant.truth.bin", "seal.json", "events.jsonl"] {
-        let (path, aside) = (dir.join(name), scratch.join("aside"));
-        std::fs::rename(&path, &aside).unwrap();
-        let made = std::process::Command::new("mkfifo").arg(&path).status().unwrap();
-        assert!(made.success(), "{name}");
-        // In a thread of its own: a reader that waits for a writer never comes back.
-        let (said, heard) = std::sync::mpsc::channel();
-        let there = dir.clone();
+        let (path, moved) = (dir.join(name), scratch.join("aside"));
+        std::fs::rename(&path, &moved).unwrap();
+        let status = std::process::Command::new("mkfifo").arg(&path).status().unwrap();
+        assert!(status.success(), "{name}");
+        // In a separate thread: a reader that waits for a writer never returns.
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let folder = dir.clone();
         std::thread::spawn(move || {
-            let read = Reader::open(&there).and_then(|reader| reader.events());
-            let _ = said.send(read.map_err(|error| error.to_string()));
+            let read = Reader::open(&folder).and_then(|reader| reader.events());
+            let _ = sender.send(read.map_err(|error| error.to_string()));
         });
-        let read = heard.recv_timeout(std::time::Duration::from_secs(20));
+        let read = receiver.recv_timeout(std::time::Duration::from_secs(20));
         let text = read.expect("the reader does not wait for a pipe").unwrap_err();
         assert!(text.contains(name) && text.contains("not a regular file"), "{text}");
-        std::fs::rename(&aside, &path).unwrap();
+        std::fs::rename(&moved, &path).unwrap();
     }
     Reader::open(&dir).unwrap().verify().unwrap();
 }

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use lockstep::transport::iceoryx::bare::{Bare, Payload};
+use lockstep::transport::iceoryx::bare::{BarePingPong, Payload};
 use lockstep::transport::iceoryx::{Address, Domain};
 
 use super::cores::{cores, tie_to};
@@ -111,7 +111,7 @@ fn play(first: bool) -> anyhow::Result<()> {
     let yielding = cores().len() < 2;
     tie_to(usize::from(first));
     let domain = Domain::enter(table, if first { "ping" } else { "pong" })?;
-    let end = Bare::open(&domain, first)?;
+    let end = BarePingPong::open(&domain, first)?;
     let hear = || -> anyhow::Result<Payload> {
         loop {
             if let Some(payload) = end.receive()? {

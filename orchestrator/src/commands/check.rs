@@ -217,7 +217,7 @@ fn describe_link(out: &mut impl Write, known: &Known, link: &Link) {
         .iter()
         .all(|&end| known.interfaces[end].is_some());
     match &link.conversion {
-        Some(conversion) if certain => (conversion.words(taken).iter()).for_each(|words| say!(out, "    {words}")),
+        Some(conversion) if certain => (conversion.describe(taken).iter()).for_each(|words| say!(out, "    {words}")),
         Some(_) => say!(out, "    between fields of ports that are not known"),
         None => {}
     }

@@ -52,7 +52,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<i32> {
 
 fn open(path: &Path, trust: Trust) -> Result<Reader, tape::ReadError> {
     let reader = trust.open(path)?;
-    for torn in reader.torn() {
+    for torn in reader.incomplete_records() {
         eprintln!(
             "note: {}: stream `{}` ends in {} bytes of an incomplete record after {} complete ones; they are left out",
             path.display(),

@@ -9,7 +9,7 @@ use lockstep::time::Rational;
 use report::export::{self, Compression};
 use report::page::{PlanFile, ReportError, read_json, scene_of};
 use tape::folder::RunFolder;
-use tape::{Choice, Excerpt, ReadError, Reader, Source};
+use tape::{Excerpt, ExcerptSpec, ReadError, Reader, Source};
 
 use super::outputs::note;
 use super::trust::{Trust, name_torn, told};
@@ -83,8 +83,8 @@ pub struct ExportArgs {
 
 impl ExportArgs {
     /// The selected part of the tape.
-    fn choice(&self) -> Choice {
-        Choice {
+    fn choice(&self) -> ExcerptSpec {
+        ExcerptSpec {
             names: self.of.clone(),
             from: self.from,
             to: self.until,
@@ -173,7 +173,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
 fn refused(error: &ReadError) -> i32 {
     let option = match error {
         ReadError::Window { .. } => "--until: ",
-        ReadError::Outside { asked, .. } if asked[0].is_none() => "--until: ",
+        ReadError::Outside { requested, .. } if requested[0].is_none() => "--until: ",
         ReadError::Outside { .. } => "--from: ",
         _ => "",
     };

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::catalogue::catalogue;
 use clap::Args;
-use lockstep::fault::Place;
+use lockstep::fault::FaultPort;
 use lockstep::participant::Kind;
 use lockstep::plan::{Link, Plan};
 
@@ -99,14 +99,14 @@ fn label(link: &Link, plan: &Plan) -> String {
 /// A line for each fault of a plan, and the outputs and inputs that the faults affect.
 struct Faults<'a> {
     /// By output or input.
-    signals: HashMap<Place, Vec<&'a str>>,
+    signals: HashMap<FaultPort, Vec<&'a str>>,
     /// By name, in the order of their start.
     lines: Vec<(String, String)>,
 }
 
 impl Faults<'_> {
     fn of(plan: &Plan) -> Faults<'_> {
-        let mut signals: HashMap<Place, Vec<&str>> = HashMap::new();
+        let mut signals: HashMap<FaultPort, Vec<&str>> = HashMap::new();
         for fault in &plan.faults {
             signals.entry(fault.place).or_default().push(&fault.name);
         }
@@ -124,11 +124,11 @@ impl Faults<'_> {
     /// The faults that affect `link` or the samples that its reader receives.
     fn on(&self, link: &Link) -> Vec<&str> {
         let places = [
-            Place::Output {
+            FaultPort::Output {
                 participant: link.from.0,
                 port: link.from.1,
             },
-            Place::Input {
+            FaultPort::Input {
                 participant: link.to.0,
                 port: link.to.1,
             },

@@ -33,7 +33,7 @@ impl Trust {
 
 /// Names the streams that end in an incomplete record, which every command leaves out.
 pub fn name_torn(tape: &Reader) {
-    for torn in tape.torn() {
+    for torn in tape.incomplete_records() {
         eprintln!(
             "note: stream `{}` ends in an incomplete record, which is left out",
             torn.stream

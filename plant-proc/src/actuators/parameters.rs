@@ -2,7 +2,7 @@
 
 use interfaces::JOINTS;
 use lockstep::participant::ParameterError;
-use lockstep::units::{AngularMomentum, Each, Force, Kind, Length, Quantity, Time, Torque};
+use lockstep::units::{AngularMomentum, Force, Kind, Length, PerAxis, Quantity, Time, Torque};
 use serde::Deserialize;
 
 /// Number of thrusters.
@@ -25,16 +25,16 @@ pub struct ActuatorParameters {
 #[serde(deny_unknown_fields, default)]
 pub struct WheelParameters {
     /// Largest torque.
-    pub torque: Each<Torque, 3>,
+    pub torque: PerAxis<Torque, 3>,
     /// Largest momentum: a saturated wheel gives no torque that would increase its momentum.
-    pub momentum: Each<AngularMomentum, 3>,
+    pub momentum: PerAxis<AngularMomentum, 3>,
     /// Momentum at the start.
-    pub start_momentum: Each<AngularMomentum, 3>,
+    pub start_momentum: PerAxis<AngularMomentum, 3>,
     /// Whether the gyroscopic torque of the spinning wheels acts on the base; if not, the wheel control compensates it as far as the wheels
     /// can store the momentum that this takes.
     pub gyroscopic: bool,
     /// Largest torque of a motor, compensation included; `torque` then limits the command alone. No limit by default.
-    pub motor_torque: Option<Each<Torque, 3>>,
+    pub motor_torque: Option<PerAxis<Torque, 3>>,
     /// Time constant of the lag; no lag by default.
     pub lag: Option<Quantity<Time>>,
     /// Commands smaller than this do nothing.
@@ -47,9 +47,9 @@ impl Default for WheelParameters {
     /// 0.2 N m and 12 N m s, at rest, without further imperfections.
     fn default() -> Self {
         Self {
-            torque: Each::of([0.2; 3]),
-            momentum: Each::of([12.0; 3]),
-            start_momentum: Each::of([0.0; 3]),
+            torque: PerAxis::of([0.2; 3]),
+            momentum: PerAxis::of([12.0; 3]),
+            start_momentum: PerAxis::of([0.0; 3]),
             gyroscopic: false,
             motor_torque: None,
             lag: None,
@@ -64,9 +64,9 @@ impl Default for WheelParameters {
 #[serde(deny_unknown_fields, default)]
 pub struct ThrusterParameters {
     /// Largest force along each axis: two thrusters at full thrust.
-    pub force: Each<Force, 3>,
+    pub force: PerAxis<Force, 3>,
     /// Lever arm of the two about body x, y and z; thrusters along y turn about x, along z about y, along x about z.
-    pub lever_arm: Each<Length, 3>,
+    pub lever_arm: PerAxis<Length, 3>,
     /// Minimum on-time. If given, thrusters fire only at full thrust, in pulses that add up to the commanded impulse.
     pub minimum_on: Option<Quantity<Time>>,
     /// Time constant of the lag; no lag by default.
@@ -81,8 +81,8 @@ impl Default for ThrusterParameters {
     /// 9 N per axis on lever arms of half a metre, without further imperfections.
     fn default() -> Self {
         Self {
-            force: Each::of([9.0; 3]),
-            lever_arm: Each::of([0.5; 3]),
+            force: PerAxis::of([9.0; 3]),
+            lever_arm: PerAxis::of([0.5; 3]),
             minimum_on: None,
             lag: None,
             dead_zone: Quantity::of(0.0),
@@ -96,7 +96,7 @@ impl Default for ThrusterParameters {
 #[serde(deny_unknown_fields, default)]
 pub struct JointParameters {
     /// Largest torque of each.
-    pub torque: Each<Torque, JOINTS>,
+    pub torque: PerAxis<Torque, JOINTS>,
     /// Time constant of the lag; no lag by default.
     pub lag: Option<Quantity<Time>>,
     /// Commands smaller than this do nothing.
@@ -109,7 +109,7 @@ impl Default for JointParameters {
     /// The limits of the stock arm, without further imperfections.
     fn default() -> Self {
         Self {
-            torque: Each::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
+            torque: PerAxis::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
             lag: None,
             dead_zone: Quantity::of(0.0),
             quantum: Quantity::of(0.0),

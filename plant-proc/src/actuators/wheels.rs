@@ -152,7 +152,7 @@ mod tests {
     fn compensation_counts_in_what_a_wheel_can_take() {
         let wheels = |motor_torque: Option<f64>, gyroscopic: bool| {
             let parameters = WheelParameters {
-                motor_torque: motor_torque.map(|limit| lockstep::units::Each::of([limit; 3])),
+                motor_torque: motor_torque.map(|limit| lockstep::units::PerAxis::of([limit; 3])),
                 gyroscopic,
                 ..WheelParameters::default()
             };

@@ -2,7 +2,7 @@
 
 use lockstep::participant::ParameterError;
 use lockstep::random::Stream;
-use lockstep::units::{Each, Kind, Quantity, Time};
+use lockstep::units::{Kind, PerAxis, Quantity, Time};
 use serde::{Deserialize, Serialize};
 
 use super::Source;
@@ -14,7 +14,7 @@ pub struct ErrorParameters<K, const N: usize> {
     /// Sampling period, a multiple of the plant's period; the last sample is held. The plant's period by default.
     pub period: Option<Quantity<Time>>,
     /// Constant error of each channel.
-    pub bias: Each<K, N>,
+    pub bias: PerAxis<K, N>,
     /// Standard deviation that the random walk of each channel's error accumulates in one second.
     pub walk: Quantity<K>,
     /// Standard deviation of a slow error of each channel, first-order Gauss-Markov.
@@ -31,7 +31,7 @@ impl<K, const N: usize> Default for ErrorParameters<K, N> {
     fn default() -> Self {
         Self {
             period: None,
-            bias: Each::of([0.0; N]),
+            bias: PerAxis::of([0.0; N]),
             walk: Quantity::of(0.0),
             drift: Quantity::of(0.0),
             drift_time: None,

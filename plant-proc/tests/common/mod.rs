@@ -4,13 +4,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use lockstep::executor::{InLoop, assemble};
+use lockstep::executor::{InLoop, connect_locally};
 use lockstep::link::Timing;
 use lockstep::participant::{ParameterError, Participant, Setup};
 use lockstep::plan::{Initial, LinkSpec, ParticipantSpec, Plan};
 use lockstep::port::Descriptor;
 use lockstep::time::Rational;
-use lockstep::transport::{Broken, Header, Recording};
+use lockstep::transport::{Header, Recording, TransportError};
 use toml::{Table, Value};
 
 pub fn scenarios() -> PathBuf {
@@ -117,7 +117,7 @@ struct Sink {
 }
 
 impl Recording for Sink {
-    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
+    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, TransportError> {
         let stamp = self.timebase.seconds(header.stamp);
         self.samples.lock().unwrap()[stream as usize].push((stamp, payload.to_vec()));
         Ok(true)
@@ -175,7 +175,7 @@ pub fn begin(scenario: &Table) -> Begun {
         timebase: plan.timebase,
     };
     let participants = made.into_iter().map(|(_, participant)| participant).collect();
-    let parts = assemble(&plan, participants, |_| Box::new(sink.clone()));
+    let parts = connect_locally(&plan, participants, |_| Box::new(sink.clone()));
     Begun {
         looped: InLoop::new(&plan, parts),
         plan,
@@ -207,7 +207,7 @@ pub fn links(scenario: &Table) -> Vec<LinkSpec> {
             },
             initial: (text(connection, "initial") == Some("first-sample")).then_some(Initial::FirstSample),
             conversion: None,
-            draws: None,
+            random_stream: None,
         });
         specs.collect::<Vec<_>>()
     });

@@ -1,6 +1,6 @@
 //! The table `assessment` of a scenario.
 
-use lockstep::units::{Angle, Each, Force, Quantity, Time, Torque};
+use lockstep::units::{Angle, Force, PerAxis, Quantity, Time, Torque};
 use serde::Deserialize;
 
 /// `[assessment]`.
@@ -37,19 +37,19 @@ pub enum Kind {
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
     /// Of the wheels.
-    pub torque: Each<Torque, 3>,
+    pub torque: PerAxis<Torque, 3>,
     /// Of the thrusters along each axis.
-    pub force: Each<Force, 3>,
+    pub force: PerAxis<Force, 3>,
     /// Of the joint motors.
-    pub joint_torque: Each<Torque, 7>,
+    pub joint_torque: PerAxis<Torque, 7>,
 }
 
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            torque: Each::of([0.2; 3]),
-            force: Each::of([9.0; 3]),
-            joint_torque: Each::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
+            torque: PerAxis::of([0.2; 3]),
+            force: PerAxis::of([9.0; 3]),
+            joint_torque: PerAxis::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
         }
     }
 }
@@ -61,5 +61,5 @@ pub struct Criteria {
     /// Fraction of the controller's samples with an actuator command beyond its limit.
     pub saturated_fraction: Option<f64>,
     /// Range of each joint, symmetric about zero: the fraction of it that is used must not exceed one.
-    pub joint_ranges: Option<Each<Angle, 7>>,
+    pub joint_ranges: Option<PerAxis<Angle, 7>>,
 }

@@ -1,7 +1,7 @@
 //! Momentum of every single body, from the recorded motion and the plant's model in the plan.
 
 use lockstep::port::Field;
-use lockstep::units::{Each, Inertia, Mass, Quantity, read};
+use lockstep::units::{Inertia, Mass, PerAxis, Quantity, read};
 use multibody::nalgebra::Vector3;
 use multibody::{BodyInfo, Description, DynState, DynTree, Quaternion, UrdfOptions};
 use serde::Deserialize;
@@ -13,7 +13,7 @@ use tape::StreamSpec;
 #[derive(Deserialize)]
 struct Target {
     mass: Quantity<Mass>,
-    inertia: Each<Inertia, 3>,
+    inertia: PerAxis<Inertia, 3>,
 }
 
 /// The fields of the plant's truth.

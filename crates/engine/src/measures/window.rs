@@ -13,7 +13,7 @@ pub(super) struct Window {
 
 /// The ticks of all streams that a measure reads, and of its own instants.
 pub(super) fn timebase(times: impl IntoIterator<Item = Rational>) -> Result<Timebase, TickError> {
-    Timebase::measuring(times)
+    Timebase::from_times(times)
 }
 
 /// The instants of a stream.

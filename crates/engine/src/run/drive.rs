@@ -260,7 +260,7 @@ impl Run {
             return Err(refuse(reason));
         }
         if let Some(invalid) = descriptor.invalid(bytes).next() {
-            return Err(refuse(format!("cannot be set to {}", invalid.words("a value"))));
+            return Err(refuse(format!("cannot be set to {}", invalid.describe("a value"))));
         }
         let event = inputs::event(&self.run_state.plan, self.now(), input, bytes);
         self.run_state.recorder().event(&event)?;

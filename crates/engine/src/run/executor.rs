@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use lockstep::control::Timing;
-use lockstep::participant::Pending;
+use lockstep::control::WallTimeBreakdown;
+use lockstep::participant::PendingStep;
 use lockstep::plan::Cut;
 use lockstep::stepper::Stepper;
 use lockstep::time::Ticks;
@@ -39,7 +39,7 @@ pub(super) enum Slot {
 #[derive(Default)]
 pub(super) struct Account {
     /// Of each participant.
-    pub(super) timing: BTreeMap<String, Timing>,
+    pub(super) timing: BTreeMap<String, WallTimeBreakdown>,
     /// The reason for the choice of cores, in words.
     pub(super) placement: String,
     /// The logs of participants, as far as they are in no file.
@@ -56,7 +56,7 @@ pub(super) trait Executor {
     fn park(&mut self) {}
 
     /// The step that waits to be done, if one does.
-    fn pending(&mut self) -> Option<Pending<'_>> {
+    fn pending(&mut self) -> Option<PendingStep<'_>> {
         None
     }
 

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use lockstep::time::Ticks;
-use tape::folder::{Claim, RunFolder};
+use tape::folder::{Reservation, RunFolder};
 use tape::{Event, EventKind};
 
 use super::executor::{Executor, Turn};
@@ -55,7 +55,7 @@ pub struct Run {
     pub(super) saved: u64,
     pub(super) wall: Duration,
     /// The claim to the run's folder, if it has one: no other run takes the folder before this one has ended.
-    claim: Option<Claim>,
+    claim: Option<Reservation>,
 }
 
 /// The state in which [`Run::conduct`] has left a run.
@@ -151,10 +151,10 @@ impl Run {
         // there is a previous run to restore.
         let stays = match &run {
             Ok(_) => true,
-            Err(failure) => failure.exit_code() != 2 && !claim.as_ref().is_some_and(Claim::replaces),
+            Err(failure) => failure.exit_code() != 2 && !claim.as_ref().is_some_and(Reservation::replaces),
         };
         if stays {
-            claim.iter_mut().for_each(Claim::settle);
+            claim.iter_mut().for_each(Reservation::commit);
         }
         if let Ok(run) = &mut run {
             run.claim = claim;

@@ -99,7 +99,7 @@ fn value(field: &Field, number: f64, bytes: &[u8]) -> Value {
         (Element::Bool, _) => Value::Boolean(number != 0.0),
         (_, Some(name)) => Value::String(name.to_owned()),
         (element, None) => {
-            let whole = element.whole(bytes);
+            let whole = element.to_integer(bytes);
             i64::try_from(whole).map_or_else(|_| Value::String(whole.to_string()), Value::Integer)
         }
     }

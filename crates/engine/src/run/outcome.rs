@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use lockstep::control::Timing;
+use lockstep::control::WallTimeBreakdown;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use tape::folder::FolderError;
@@ -181,7 +181,7 @@ pub struct Outcome {
     /// The result of the trace, if there is one.
     pub traced: Option<Traced>,
     /// How each participant spent its wall time.
-    pub timing: BTreeMap<String, Timing>,
+    pub timing: BTreeMap<String, WallTimeBreakdown>,
     /// The source of each input of each participant in `timing`.
     pub sources: BTreeMap<String, Vec<String>>,
     /// The reason for the choice of cores, in words.

@@ -8,7 +8,7 @@ use lockstep::participant::{Interface, Participant};
 use lockstep::plan::{Cut, Plan, Position};
 use lockstep::time::Ticks;
 use serde::Serialize;
-use tape::folder::{Claim, RunFolder, utc_text};
+use tape::folder::{Reservation, RunFolder, utc_text};
 use tape::{Event, EventKind, StreamSpec, Writer};
 
 use super::executor::Slot;
@@ -188,9 +188,9 @@ impl Host {
 }
 
 /// Makes the run folder, with the resolved scenario and the provenance of the run.
-pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, RunFailure> {
+pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Reservation, RunFailure> {
     let claim = match &options.out {
-        Some(out) => Claim::of(out, options.force)?,
+        Some(out) => Reservation::reserve(out, options.force)?,
         None => RunFolder::create_default(std::path::Path::new("runs"), &scenario.name)?,
     };
     let folder = claim.folder();
@@ -256,7 +256,7 @@ pub(super) fn recorder(
     plan.observed = observers.observed(scenario, &plan, &streams);
     let (lanes, kept) = Lanes::new(&kept, &streams);
     let store = match folder {
-        Some(folder) => Store::Disk(Writer::create(&folder.tape(), kept)?.beside()),
+        Some(folder) => Store::Disk(Writer::create(&folder.tape(), kept)?.with_thread()),
         None => Store::without_folder(options.record, kept)?,
     };
     let mut recorder = Recorder::new(Arc::new(plan), store, lanes, assessment, watches);

@@ -102,7 +102,7 @@ impl Guard {
         let (field, slots) = match &self.field {
             None => (None, Slot::all(descriptor)),
             Some(name) => {
-                let Some((field, slots)) = Slot::named(descriptor, name) else {
+                let Some((field, slots)) = Slot::resolve(descriptor, name) else {
                     let known: Vec<String> = descriptor.fields.iter().map(|field| format!("`{field}`")).collect();
                     let reason = format!(
                         "`{}` has no field or element `{name}`; it has {}",

@@ -116,7 +116,7 @@ impl Scenario {
         };
         let mut plan = Plan::build(specs.collect(), &links, self.duration, self.seed).map_err(refuse)?;
         let faults = self.faults.signals(&self.source, &plan, certain);
-        plan.disturb(faults.map_err(|mistakes| self.source.error(mistakes))?)
+        plan.add_signal_faults(faults.map_err(|mistakes| self.source.error(mistakes))?)
             .map_err(refuse)?;
         Ok(plan)
     }
@@ -194,7 +194,7 @@ fn place(error: &PlanError, origins: &HashMap<String, &str>) -> String {
         PlanError::NotConnected { .. }
         | PlanError::FieldsNotFed { .. }
         | PlanError::AlgebraicLoop { .. }
-        | PlanError::TooManyCircles => "connections".into(),
+        | PlanError::TooManyCycles => "connections".into(),
         PlanError::Empty | PlanError::TooMany(_) | PlanError::Ticks(_) => "participants".into(),
     }
 }
@@ -241,7 +241,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
                     to: end.owned(),
                     timing: connection.timing(),
                     initial,
-                    draws: conversion.is_some().then(|| name.to_owned()),
+                    random_stream: conversion.is_some().then(|| name.to_owned()),
                     conversion,
                     faults: self.scenario.faults.of_connection(name),
                 }),

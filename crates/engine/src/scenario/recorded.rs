@@ -89,7 +89,7 @@ fn kept(spec: &StreamSpec, part: &RecordPart) -> Result<Kept, (&'static str, Str
     let (every, from, to) = (time(&part.every), time(&part.from), time(&part.to));
     let times = [spec.offset, spec.period].into_iter();
     let own = times.chain([every, from, to].into_iter().flatten());
-    let base = Timebase::measuring(own).map_err(|error| ("", error.to_string()))?;
+    let base = Timebase::from_times(own).map_err(|error| ("", error.to_string()))?;
     let ticks = |key: &'static str, time: Rational| base.ceil(time).map_err(|error| (key, error.to_string()));
     let (offset, period) = (ticks("", spec.offset)?, ticks("", spec.period)?);
     let every = match every {

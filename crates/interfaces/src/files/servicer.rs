@@ -1,6 +1,6 @@
 //! Servicer data that a URDF cannot express.
 
-use lockstep::units::{Each, Inertia, Quantity, RotationalDamping, RotationalStiffness};
+use lockstep::units::{Inertia, PerAxis, Quantity, RotationalDamping, RotationalStiffness};
 use serde::Deserialize;
 
 use crate::{JOINTS, SLOSH};
@@ -43,7 +43,7 @@ pub struct Arm {
     /// Name of the link that is the end effector's frame E.
     pub end_effector: String,
     /// Rotor inertia of each joint, reflected to its output.
-    pub motor_inertia: Each<Inertia, JOINTS>,
+    pub motor_inertia: PerAxis<Inertia, JOINTS>,
 }
 
 impl Default for Arm {
@@ -52,7 +52,7 @@ impl Default for Arm {
         Self {
             joints: ["A1", "A2", "A3", "A4", "A5", "A6", "A7"].map(str::to_owned),
             end_effector: "end_effector".to_owned(),
-            motor_inertia: Each::of([0.1; JOINTS]),
+            motor_inertia: PerAxis::of([0.1; JOINTS]),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The target satellite.
 
-use lockstep::units::{Angle, Each, Inertia, Length, Mass, Quantity, Vector};
+use lockstep::units::{Angle, Inertia, Length, Mass, PerAxis, Quantity, Vector};
 use serde::Deserialize;
 
 /// The target: a rigid body, its frame T at the centre of mass along the principal axes.
@@ -10,7 +10,7 @@ pub struct Target {
     /// Mass.
     pub mass: Quantity<Mass>,
     /// Principal moments of inertia about x, y and z of T.
-    pub inertia: Each<Inertia, 3>,
+    pub inertia: PerAxis<Inertia, 3>,
     /// The grasp frame G in T.
     pub grasp: Frame,
 }

@@ -1,11 +1,11 @@
 //! Executors in one process: a plain loop, and a thread for each participant.
 //!
-//! Both drive the same [`Stepper`](crate::stepper::Stepper)s over local links. The processes over shared memory are driven by [`crate::host`].
+//! Both drive the same [`Stepper`](crate::stepper::Stepper)s over local links. [`crate::host`] drives the processes over shared memory.
 
 mod in_loop;
-mod part;
+mod local_participant;
 mod threads;
 
-pub use in_loop::{InLoop, Moment, Reach};
-pub use part::{Part, RunError, assemble};
+pub use in_loop::{InLoop, LoopEvent, StopReason};
+pub use local_participant::{LocalParticipant, RunError, connect_locally};
 pub use threads::run_in_threads;

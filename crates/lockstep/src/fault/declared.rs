@@ -7,7 +7,7 @@ use crate::time::Rational;
 
 /// The time span of a fault: from `at` on and before `until`, or to the end of the run without `until`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Span {
+pub struct FaultWindow {
     /// The first instant with the fault.
     pub at: Rational,
     /// The first instant without it.
@@ -20,7 +20,7 @@ pub struct LinkFault {
     /// The name, unique in the run; it also names the random stream.
     pub name: String,
     /// The stamps that are affected.
-    pub span: Span,
+    pub span: FaultWindow,
     /// The probability in [0, 1] that a sample never arrives, in addition to the link's own drops.
     pub drop: f64,
     /// The additional delay of a sample, s.
@@ -31,7 +31,7 @@ pub struct LinkFault {
 
 /// The port at which a signal fault acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Place {
+pub enum FaultPort {
     /// At a participant's input, in its activations within the span: no other participant sees it.
     Input {
         /// The participant.
@@ -79,9 +79,9 @@ pub struct SignalFault {
     /// The name, unique in the run; it also names the random stream.
     pub name: String,
     /// The port.
-    pub place: Place,
+    pub place: FaultPort,
     /// The time span.
-    pub span: Span,
+    pub span: FaultWindow,
     /// The elements of the payload.
     pub slots: Vec<Slot>,
     /// The effect.

@@ -8,7 +8,7 @@ use crate::time::{SampleTime, Ticks, Timebase};
 
 /// A signal fault in ticks, as a participant receives it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Disturbance {
+pub struct ScheduledSignalFault {
     /// The name of the fault, for messages.
     pub name: String,
     /// The first instant with the fault, ticks.
@@ -29,18 +29,18 @@ pub struct Disturbance {
 #[derive(Debug, Clone)]
 pub struct Injector {
     timebase: Timebase,
-    faults: Vec<Disturbance>,
+    faults: Vec<ScheduledSignalFault>,
     /// For each fault, the bytes at which its elements are stuck; empty as long as there is none.
-    held: Vec<Vec<u8>>,
+    stuck_values: Vec<Vec<u8>>,
 }
 
 impl Injector {
     /// `None` when there are no faults.
-    pub(crate) fn new(faults: &[Disturbance], timebase: Timebase) -> Option<Injector> {
-        let room = |fault: &Disturbance| Vec::with_capacity(fault.slots.len() * 8);
+    pub(crate) fn new(faults: &[ScheduledSignalFault], timebase: Timebase) -> Option<Injector> {
+        let room = |fault: &ScheduledSignalFault| Vec::with_capacity(fault.slots.len() * 8);
         (!faults.is_empty()).then(|| Injector {
             timebase,
-            held: faults.iter().map(room).collect(),
+            stuck_values: faults.iter().map(room).collect(),
             faults: faults.to_vec(),
         })
     }
@@ -48,63 +48,63 @@ impl Injector {
     /// Applies the faults to `payload`, which has the index `index` and belongs to the instant `t`. To be called once for each index, in
     /// order. The result may be NaN or infinite.
     pub(crate) fn apply(&mut self, index: u64, t: Ticks, payload: &mut [u8]) {
-        for (fault, held) in self.faults.iter().zip(&mut self.held) {
+        for (fault, stuck_values) in self.faults.iter().zip(&mut self.stuck_values) {
             if (fault.from..fault.until).contains(&t) {
                 let elapsed = self.timebase.seconds(t) - fault.at;
-                fault.apply(index, elapsed, held, payload);
+                fault.apply(index, elapsed, stuck_values, payload);
             }
         }
     }
 
     /// Prepares for index `next`, as if all earlier ones had been applied: the values at which elements are stuck are looked up at the
-    /// beginning of the fault. `instants` are those of the port, and `truth` returns the values without faults.
-    pub(crate) fn recall<E>(
+    /// beginning of the fault. `instants` are those of the port, and `true_value` returns the values without faults.
+    pub(crate) fn restore_stuck_values<E>(
         &mut self,
         next: u64,
         instants: SampleTime,
-        mut truth: impl FnMut(u64) -> Result<Vec<u8>, E>,
+        mut true_value: impl FnMut(u64) -> Result<Vec<u8>, E>,
     ) -> Result<&[Vec<u8>], E> {
         for number in 0..self.faults.len() {
             let fault = &self.faults[number];
             let first = instants.count_before(fault.from);
             let began = first < next && instants.instant(first) < fault.until;
             if fault.effect == Effect::Stuck(None) && began {
-                let mut payload = truth(first)?;
+                let mut payload = true_value(first)?;
                 // All faults before it have been recalled, and those after it have not acted on this payload yet.
                 let rest = self.faults.split_off(number + 1);
                 self.apply(first, instants.instant(first), &mut payload);
                 self.faults.extend(rest);
             }
         }
-        Ok(&self.held)
+        Ok(&self.stuck_values)
     }
 
-    /// Restores the state that [`Injector::recall`] returned; the state of other faults is ignored.
-    pub(crate) fn remember(&mut self, memory: &[Vec<u8>]) {
-        for ((fault, held), saved) in self.faults.iter().zip(&mut self.held).zip(memory) {
+    /// Restores the state that [`Injector::restore_stuck_values`] returned; the state of other faults is ignored.
+    pub(crate) fn set_stuck_values(&mut self, saved_values: &[Vec<u8>]) {
+        for ((fault, stuck_values), saved) in self.faults.iter().zip(&mut self.stuck_values).zip(saved_values) {
             let size: usize = fault.slots.iter().map(|slot| slot.element.size()).sum();
             if saved.len() == size {
-                held.clear();
-                held.extend_from_slice(saved);
+                stuck_values.clear();
+                stuck_values.extend_from_slice(saved);
             }
         }
     }
 }
 
-impl Disturbance {
-    fn apply(&self, index: u64, elapsed: f64, held: &mut Vec<u8>, payload: &mut [u8]) {
+impl ScheduledSignalFault {
+    fn apply(&self, index: u64, elapsed: f64, stuck_values: &mut Vec<u8>, payload: &mut [u8]) {
         match &self.effect {
-            Effect::Bias(amount) => self.change(payload, |at, x| x + amount[at]),
-            Effect::Scale(factor) => self.change(payload, |at, x| x * factor[at]),
-            Effect::Ramp(rate) => self.change(payload, |at, x| x + rate[at] * elapsed),
+            Effect::Bias(amount) => self.map_elements(payload, |at, x| x + amount[at]),
+            Effect::Scale(factor) => self.map_elements(payload, |at, x| x * factor[at]),
+            Effect::Ramp(rate) => self.map_elements(payload, |at, x| x + rate[at] * elapsed),
             Effect::Noise(sigma) => {
                 let first = index.wrapping_mul(self.slots.len() as u64);
-                self.change(payload, |at, x| {
+                self.map_elements(payload, |at, x| {
                     x + sigma[at] * self.random.normal(first.wrapping_add(at as u64))
                 });
             }
-            Effect::Stuck(Some(value)) => self.change(payload, |at, _| value[at]),
-            Effect::Stuck(None) => self.hold(held, payload),
+            Effect::Stuck(Some(value)) => self.map_elements(payload, |at, _| value[at]),
+            Effect::Stuck(None) => self.apply_stuck(stuck_values, payload),
             Effect::Dropout(probability) => {
                 if self.random.uniform(index) < *probability {
                     self.slots.iter().for_each(|slot| slot.bytes(payload).fill(0));
@@ -123,22 +123,22 @@ impl Disturbance {
         }
     }
 
-    /// Replaces each element by its `change`. Integers are rounded to the nearest, and stay within their range.
-    fn change(&self, payload: &mut [u8], change: impl Fn(usize, f64) -> f64) {
+    /// Replaces each element by the result of `map`. Integers are rounded to the nearest, and stay within their range.
+    fn map_elements(&self, payload: &mut [u8], map: impl Fn(usize, f64) -> f64) {
         for (at, slot) in self.slots.iter().enumerate() {
             let bytes = slot.bytes(payload);
-            let value = change(at, slot.element.to_f64(bytes));
+            let value = map(at, slot.element.to_f64(bytes));
             slot.element.put(value, bytes);
         }
     }
 
-    fn hold(&self, held: &mut Vec<u8>, payload: &mut [u8]) {
-        if held.is_empty() {
+    fn apply_stuck(&self, stuck_values: &mut Vec<u8>, payload: &mut [u8]) {
+        if stuck_values.is_empty() {
             for slot in &self.slots {
-                held.extend_from_slice(slot.bytes(payload));
+                stuck_values.extend_from_slice(slot.bytes(payload));
             }
         }
-        let mut rest = &held[..];
+        let mut rest = &stuck_values[..];
         for slot in &self.slots {
             let (own, others) = rest.split_at(slot.element.size());
             slot.bytes(payload).copy_from_slice(own);
@@ -159,8 +159,8 @@ mod tests {
     };
 
     fn injector(slots: &[Slot], effect: Effect) -> Injector {
-        let timebase = Timebase::measuring([Rational::from_millis(1)]).unwrap();
-        let fault = Disturbance {
+        let timebase = Timebase::from_times([Rational::from_millis(1)]).unwrap();
+        let fault = ScheduledSignalFault {
             name: "x".into(),
             from: 10,
             until: 20,
@@ -173,7 +173,7 @@ mod tests {
     }
 
     /// The result of the effect on 1.5 + k / 1000 at every instant k of 0 to 29.
-    fn left(effect: Effect) -> Vec<f64> {
+    fn faulty_values(effect: Effect) -> Vec<f64> {
         let mut injector = injector(&[SLOT], effect);
         let one = |k: u64| {
             let mut payload = (1.5 + k as f64 / 1000.0).to_le_bytes();
@@ -183,34 +183,40 @@ mod tests {
         (0..30).map(one).collect()
     }
 
-    fn truth(k: usize) -> f64 {
+    fn true_value(k: usize) -> f64 {
         1.5 + k as f64 / 1000.0
     }
 
     #[test]
     fn fault_effect_acts_only_within_its_window() {
-        let inside = |effect: Effect, expected: &dyn Fn(usize) -> f64| {
-            for (k, x) in left(effect.clone()).into_iter().enumerate() {
-                let expected = if (10..20).contains(&k) { expected(k) } else { truth(k) };
+        let check_effect = |effect: Effect, expected: &dyn Fn(usize) -> f64| {
+            for (k, x) in faulty_values(effect.clone()).into_iter().enumerate() {
+                let expected = if (10..20).contains(&k) {
+                    expected(k)
+                } else {
+                    true_value(k)
+                };
                 assert_eq!(x.to_bits(), expected.to_bits(), "{effect:?} at {k}");
             }
         };
-        inside(Effect::Bias(vec![0.25]), &|k| truth(k) + 0.25);
-        inside(Effect::Scale(vec![-2.0]), &|k| truth(k) * -2.0);
-        inside(Effect::Ramp(vec![3.0]), &|k| {
-            truth(k) + 3.0 * (k as f64 / 1000.0 - 0.0095)
+        check_effect(Effect::Bias(vec![0.25]), &|k| true_value(k) + 0.25);
+        check_effect(Effect::Scale(vec![-2.0]), &|k| true_value(k) * -2.0);
+        check_effect(Effect::Ramp(vec![3.0]), &|k| {
+            true_value(k) + 3.0 * (k as f64 / 1000.0 - 0.0095)
         });
-        inside(Effect::Stuck(Some(vec![7.0])), &|_| 7.0);
-        inside(Effect::Stuck(None), &|_| truth(10));
-        inside(Effect::Dropout(1.0), &|_| 0.0);
-        inside(Effect::Dropout(0.0), &truth);
+        check_effect(Effect::Stuck(Some(vec![7.0])), &|_| 7.0);
+        check_effect(Effect::Stuck(None), &|_| true_value(10));
+        check_effect(Effect::Dropout(1.0), &|_| 0.0);
+        check_effect(Effect::Dropout(0.0), &true_value);
         let random = Stream::new(1, "fault x");
-        inside(Effect::Noise(vec![0.1]), &|k| truth(k) + 0.1 * random.normal(k as u64));
+        check_effect(Effect::Noise(vec![0.1]), &|k| {
+            true_value(k) + 0.1 * random.normal(k as u64)
+        });
         let sign = Effect::BitFlip {
             bit: Some(63),
             probability: 1.0,
         };
-        inside(sign, &|k| -truth(k));
+        check_effect(sign, &|k| -true_value(k));
     }
 
     #[test]
@@ -223,10 +229,10 @@ mod tests {
             },
         );
         for k in 10..20 {
-            let mut payload = truth(3).to_le_bytes();
+            let mut payload = true_value(3).to_le_bytes();
             flip.apply(k, k as i64, &mut payload);
-            let turned = u64::from_le_bytes(payload) ^ truth(3).to_bits();
-            assert_eq!(turned.count_ones(), 1);
+            let flipped_bits = u64::from_le_bytes(payload) ^ true_value(3).to_bits();
+            assert_eq!(flipped_bits.count_ones(), 1);
         }
         let mut exponent = injector(
             &[SLOT],
@@ -263,7 +269,7 @@ mod tests {
         let mut payload = 3.25_f64.to_le_bytes();
         first.apply(10, 10, &mut payload);
         let mut second = injector(&[SLOT], Effect::Stuck(None));
-        second.remember(&first.held);
+        second.set_stuck_values(&first.stuck_values);
         let mut payload = 9.0_f64.to_le_bytes();
         second.apply(11, 11, &mut payload);
         assert_eq!(f64::from_le_bytes(payload), 3.25);

@@ -37,8 +37,8 @@ impl Slot {
 
     /// The elements that `name` refers to: a field (`q`) or one of its elements (`q[3]`, `R[0][2]`), with the field that contains
     /// them. `None` when the payload has nothing of that name.
-    pub fn named<'a>(descriptor: &'a Descriptor, name: &str) -> Option<(&'a Field, Vec<Slot>)> {
-        let (field, elements) = descriptor.named(name)?;
+    pub fn resolve<'a>(descriptor: &'a Descriptor, name: &str) -> Option<(&'a Field, Vec<Slot>)> {
+        let (field, elements) = descriptor.resolve(name)?;
         let slots = elements.map(|index| Slot::element_of(field, index)).collect();
         Some((field, slots))
     }
@@ -46,7 +46,7 @@ impl Slot {
     /// Why the elements that `name` refers to, or all of them, cannot be addressed individually, if there are too many.
     pub fn too_many(descriptor: &Descriptor, name: Option<&str>) -> Option<String> {
         let count = match name {
-            Some(name) => descriptor.named(name)?.1.len(),
+            Some(name) => descriptor.resolve(name)?.1.len(),
             None => descriptor.fields.iter().map(Field::len).sum(),
         };
         (count > ELEMENTS_MAX).then(|| {
@@ -71,13 +71,13 @@ impl Slot {
     }
 
     /// The element `number` places after this one.
-    pub(crate) fn after(self, number: u32) -> Slot {
+    pub(crate) fn offset_by(self, number: u32) -> Slot {
         let offset = self.offset + number * self.element.size() as u32;
         Slot { offset, ..self }
     }
 
     /// Whether this element and those after it, `count` in all, are contiguous in one field of a payload of `descriptor`.
-    pub(crate) fn run_fits(self, count: usize, descriptor: &Descriptor) -> bool {
+    pub(crate) fn fits_run(self, count: usize, descriptor: &Descriptor) -> bool {
         let size = self.element.size();
         let start = self.offset as usize;
         descriptor.fields.iter().any(|field| {
@@ -97,6 +97,6 @@ impl Slot {
 
     /// True when the element lies inside a payload of `descriptor`.
     pub(crate) fn fits(self, descriptor: &Descriptor) -> bool {
-        self.run_fits(1, descriptor)
+        self.fits_run(1, descriptor)
     }
 }

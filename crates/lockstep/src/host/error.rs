@@ -1,7 +1,7 @@
 //! Why a participant's process ends early.
 
 use crate::stepper::StepError;
-use crate::transport::Broken;
+use crate::transport::TransportError;
 use crate::transport::iceoryx::DomainError;
 
 /// Why a participant's process ends early.
@@ -12,7 +12,7 @@ pub enum HostError {
     Domain(#[from] DomainError),
     /// A service broke.
     #[error("{0}")]
-    Broken(#[from] Broken),
+    Broken(#[from] TransportError),
     /// The kernel refused to bind this process's lifetime to its orchestrator.
     #[error("cannot be tied to the orchestrator's life: {0}")]
     Orphan(String),

@@ -1,11 +1,11 @@
 //! The host of a participant in a process of its own: from the orchestrator's first request to its last.
 
+mod backoff;
+mod connected;
 mod error;
 mod neighbours;
-mod ready;
 mod session;
 mod spans;
-mod waiting;
 
 pub use error::HostError;
 
@@ -23,7 +23,7 @@ pub const ADDRESS: &str = "ESCAPEMENT_RUN";
 pub const PARTICIPANT: &str = "ESCAPEMENT_PARTICIPANT";
 
 /// The `main` of a participant's program: joins the run that the environment names, creates the participant with `factory`, and runs
-/// until the participant is done or is ordered to leave.
+/// until the participant has finished or receives the command to terminate.
 ///
 /// Prints the reason of a failure to standard error and returns exit code 1; 2 when it was not started by an orchestrator.
 pub fn run(
@@ -44,12 +44,12 @@ pub fn run(
         // A participant must not outlive its orchestrator, however the orchestrator ends.
         rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))
             .map_err(|error| HostError::Orphan(error.to_string()))?;
-        let spans = env::var(SPANS).ok().and_then(|word| Detail::of(&word));
-        let mut seat = session::Seat::empty(&name, program, Arc::new(factory), spans);
+        let spans = env::var(SPANS).ok().and_then(|word| Detail::parse(&word));
+        let mut state = session::SessionState::new(&name, program, Arc::new(factory), spans);
         let mut address = Some(address);
         // A participant that moves releases everything of the old address first.
         while let Some(at) = address {
-            (address, seat) = session::Session::open(at, seat)?.run()?;
+            (address, state) = session::Session::open(at, state)?.run()?;
         }
         Ok(())
     });

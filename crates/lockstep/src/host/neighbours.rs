@@ -5,49 +5,49 @@ use std::rc::Rc;
 
 use crate::plan::{Consumer, InputLink};
 use crate::transport::iceoryx::{Domain, DomainError, WaitReason, Waker};
-use crate::transport::{Broken, Header, Receiver, Sender};
+use crate::transport::{Header, Receiver, Sender, TransportError};
 
-/// Something for which a neighbour may sleep, and whether it has happened since the neighbour was last checked.
-struct News {
+/// A condition for which a neighbour may sleep, and whether it has occurred since the neighbour was last checked.
+struct WakeCondition {
     what: WaitReason,
-    came: Rc<Cell<bool>>,
+    occurred: Rc<Cell<bool>>,
 }
 
 struct Neighbour {
     name: String,
     waker: Waker,
-    news: Vec<News>,
+    conditions: Vec<WakeCondition>,
 }
 
-/// A link's end that records when a sample went through it.
-struct Noted<E> {
+/// A link's end that records that a sample has passed through it.
+struct TrackedEnd<E> {
     end: E,
-    came: Rc<Cell<bool>>,
+    occurred: Rc<Cell<bool>>,
 }
 
-impl<S: Sender> Sender for Noted<S> {
-    fn prepare(&mut self) -> Result<(), Broken> {
+impl<S: Sender> Sender for TrackedEnd<S> {
+    fn prepare(&mut self) -> Result<(), TransportError> {
         self.end.prepare()
     }
 
-    fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken> {
+    fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, TransportError> {
         let sent = self.end.try_send(header, payload)?;
         if sent {
-            self.came.set(true);
+            self.occurred.set(true);
         }
         Ok(sent)
     }
 }
 
-impl<R: Receiver> Receiver for Noted<R> {
-    fn prepare(&mut self) -> Result<(), Broken> {
+impl<R: Receiver> Receiver for TrackedEnd<R> {
+    fn prepare(&mut self) -> Result<(), TransportError> {
         self.end.prepare()
     }
 
-    fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
+    fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, TransportError> {
         let received = self.end.try_receive(payload)?;
         if received.is_some() {
-            self.came.set(true);
+            self.occurred.set(true);
         }
         Ok(received)
     }
@@ -75,8 +75,8 @@ impl Neighbours {
         to: &Consumer,
         end: impl Sender + 'static,
     ) -> Result<Box<dyn Sender>, DomainError> {
-        let came = self.meet(domain, &to.to, WaitReason::for_sample(to.link))?;
-        Ok(Box::new(Noted { end, came }))
+        let occurred = self.register(domain, &to.to, WaitReason::for_sample(to.link))?;
+        Ok(Box::new(TrackedEnd { end, occurred }))
     }
 
     /// The end of a link from a neighbour that may sleep for room on it.
@@ -86,13 +86,13 @@ impl Neighbours {
         from: &InputLink,
         end: impl Receiver + 'static,
     ) -> Result<Box<dyn Receiver>, DomainError> {
-        let came = self.meet(domain, &from.from, WaitReason::for_room(from.link))?;
-        Ok(Box::new(Noted { end, came }))
+        let occurred = self.register(domain, &from.from, WaitReason::for_room(from.link))?;
+        Ok(Box::new(TrackedEnd { end, occurred }))
     }
 
-    fn meet(&mut self, domain: &Domain, port: &str, what: WaitReason) -> Result<Rc<Cell<bool>>, DomainError> {
+    fn register(&mut self, domain: &Domain, port: &str, what: WaitReason) -> Result<Rc<Cell<bool>>, DomainError> {
         let name = port.split('.').next().unwrap_or(port);
-        let came = Rc::new(Cell::new(false));
+        let occurred = Rc::new(Cell::new(false));
         // A participant that feeds itself is awake when it does.
         if name != self.own {
             let known = self.others.iter().position(|other| other.name == name);
@@ -102,24 +102,28 @@ impl Neighbours {
                     self.others.push(Neighbour {
                         name: name.to_owned(),
                         waker: Waker::open(domain, name)?,
-                        news: Vec::new(),
+                        conditions: Vec::new(),
                     });
                     self.others.len() - 1
                 }
             };
-            let came = came.clone();
-            self.others[at].news.push(News { what, came });
+            let occurred = occurred.clone();
+            self.others[at].conditions.push(WakeCondition { what, occurred });
         }
-        Ok(came)
+        Ok(occurred)
     }
 
-    /// Wakes the neighbours that sleep for what has happened since the last call. Once is enough: a participant polls again before it
-    /// sleeps.
+    /// Wakes the neighbours that sleep for a condition that has occurred since the last call. Once is enough: a participant polls again
+    /// before it sleeps.
     pub(super) fn wake(&self) {
-        for Neighbour { waker, news, .. } in &self.others {
-            if news.iter().any(|news| news.came.get()) {
-                waker.wake(|what| news.iter().any(|news| news.what == what && news.came.get()));
-                news.iter().for_each(|news| news.came.set(false));
+        for Neighbour { waker, conditions, .. } in &self.others {
+            if conditions.iter().any(|condition| condition.occurred.get()) {
+                waker.wake(|what| {
+                    conditions
+                        .iter()
+                        .any(|condition| condition.what == what && condition.occurred.get())
+                });
+                conditions.iter().for_each(|condition| condition.occurred.set(false));
             }
         }
     }

@@ -1,27 +1,27 @@
-//! One participant's session: it serves requests while the participant is at rest, and steps otherwise.
+//! One participant's session: it serves requests while the participant is paused, and steps otherwise.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 use super::HostError;
-use super::ready::{Pause, Ready, connect};
+use super::connected::{AdvanceOutcome, ConnectedParticipant, connect};
 use super::spans::Spans;
-use crate::control::{PROTOCOL, ParticipantEvent, Reply, Request, Timing, Waiting};
+use crate::control::{PROTOCOL, ParticipantEvent, Reply, Request, WaitStrategy, WallTimeBreakdown};
 use crate::panic::message;
 use crate::participant::{Factory, Log, Participant, Setup, Termination, state};
 use crate::plan::{Assignment, Position};
 use crate::span::Detail;
-use crate::stepper::{settle, terminate};
+use crate::stepper::{prepare_to_resume, terminate};
 use crate::time::Ticks;
 use crate::transport::iceoryx::{Address, Command, ControlServer, Domain, Sleeper, StatusWriter};
 
 /// The state of a session that is independent of its address in shared memory.
-pub(super) struct Seat {
+pub(super) struct SessionState {
     name: String,
     program: String,
     factory: Factory,
     stage: Stage,
-    timing: Timing,
+    timing: WallTimeBreakdown,
     /// The requested detail of spans, if any.
     spans: Option<Detail>,
     /// Whether another participant replaces this one.
@@ -30,129 +30,129 @@ pub(super) struct Seat {
 
 /// The participant's progress through the orchestrator's requests.
 enum Stage {
-    Unknown,
-    /// Created, or moved here with its state (`worked`).
-    Described {
+    Unconfigured,
+    /// Created, or moved here with its state (`initialised`).
+    Configured {
         participant: Box<dyn Participant>,
-        worked: bool,
+        initialised: bool,
     },
-    Ready(Box<Ready>),
-    Leaving,
+    Connected(Box<ConnectedParticipant>),
+    Terminating,
 }
 
-impl Seat {
-    pub(super) fn empty(name: &str, program: &str, factory: Factory, spans: Option<Detail>) -> Seat {
-        Seat {
+impl SessionState {
+    pub(super) fn new(name: &str, program: &str, factory: Factory, spans: Option<Detail>) -> SessionState {
+        SessionState {
             name: name.to_owned(),
             program: program.to_owned(),
             factory,
-            stage: Stage::Unknown,
-            timing: Timing::default(),
+            stage: Stage::Unconfigured,
+            timing: WallTimeBreakdown::default(),
             spans,
             replaced: false,
         }
     }
 }
 
-impl Drop for Seat {
+impl Drop for SessionState {
     fn drop(&mut self) {
-        if let Stage::Described {
+        if let Stage::Configured {
             participant,
-            worked: true,
+            initialised: true,
         } = &mut self.stage
         {
-            // It was moving to another address, and has not arrived.
+            // The participant was moving to another address, and the move failed.
             terminate(participant.as_mut(), Termination::Stopped, &Log::new(&self.name, None));
         }
     }
 }
 
-/// A seat at one address in shared memory.
+/// A participant's session at one address in shared memory.
 pub(super) struct Session {
     domain: Domain,
     control: ControlServer,
     status: StatusWriter,
     sleeper: Sleeper,
-    seat: Seat,
+    state: SessionState,
     /// The address to go to when the clock commands to terminate; `None` when it is not known.
     destination: Option<Address>,
 }
 
 impl Session {
-    pub(super) fn open(address: Address, seat: Seat) -> Result<Session, HostError> {
-        let domain = Domain::join(address, &seat.name)?;
-        let status = StatusWriter::open(&domain, &seat.name)?;
-        let sleeper = Sleeper::open(&domain, &seat.name)?;
+    pub(super) fn open(address: Address, state: SessionState) -> Result<Session, HostError> {
+        let domain = Domain::join(address, &state.name)?;
+        let status = StatusWriter::open(&domain, &state.name)?;
+        let sleeper = Sleeper::open(&domain, &state.name)?;
         // The server comes last: the orchestrator sends requests as soon as it is present.
-        let control = ControlServer::open(&domain, &seat.name)?;
+        let control = ControlServer::open(&domain, &state.name)?;
         Ok(Session {
             domain,
             control,
             status,
             sleeper,
-            seat,
+            state,
             destination: None,
         })
     }
 
-    /// Serves requests and steps until ordered to leave. Returns the address to go to, if there is one, and the seat that moves there.
-    pub(super) fn run(mut self) -> Result<(Option<Address>, Seat), HostError> {
-        let mut rested_at = None;
-        let mut recalled = false;
+    /// Serves requests and steps until ordered to leave. Returns the address to go to, if there is one, and the state that moves there.
+    pub(super) fn run(mut self) -> Result<(Option<Address>, SessionState), HostError> {
+        let mut paused_at = None;
+        let mut paused = false;
         loop {
-            match &mut self.seat.stage {
-                Stage::Leaving => return Ok((None, self.seat)),
-                Stage::Unknown | Stage::Described { .. } => {
+            match &mut self.state.stage {
+                Stage::Terminating => return Ok((None, self.state)),
+                Stage::Unconfigured | Stage::Configured { .. } => {
                     if !self.serve()? {
                         self.sleeper.sleep(Duration::from_millis(1))?;
                     }
                 }
-                Stage::Ready(ready) => {
-                    let horizon = ready.clock.horizon();
-                    match ready.clock.command() {
-                        Command::Terminate => return Ok(self.leave()),
-                        Command::Pause if !recalled => {
-                            let result = ready.recall(&mut self.status, &mut self.sleeper);
-                            self.explain(result)?;
-                            recalled = true;
+                Stage::Connected(connected) => {
+                    let horizon = connected.clock.horizon();
+                    match connected.clock.command() {
+                        Command::Terminate => return Ok(self.detach()),
+                        Command::Pause if !paused => {
+                            let result = connected.pause(&mut self.status, &mut self.sleeper);
+                            self.report_failure(result)?;
+                            paused = true;
                             continue;
                         }
                         Command::Pause | Command::Run => {}
                     }
-                    if recalled || horizon == Ticks::MIN || rested_at == Some(horizon) {
+                    if paused || horizon == Ticks::MIN || paused_at == Some(horizon) {
                         let since = Instant::now();
-                        ready.patience.sleep(&mut self.sleeper)?;
-                        ready.timing.horizon_ns += since.elapsed().as_nanos() as u64;
+                        connected.backoff.sleep(&mut self.sleeper)?;
+                        connected.timing.horizon_ns += since.elapsed().as_nanos() as u64;
                         self.serve()?;
                         continue;
                     }
-                    let result = ready.advance(horizon, &mut self.status, &mut self.sleeper);
-                    match self.explain(result)? {
-                        Pause::AtHorizon(horizon) => rested_at = Some(horizon),
+                    let result = connected.advance(horizon, &mut self.status, &mut self.sleeper);
+                    match self.report_failure(result)? {
+                        AdvanceOutcome::AtHorizon(horizon) => paused_at = Some(horizon),
                         // Keeps serving requests (such as saving a last state) until the command or the request to terminate.
-                        Pause::Finished => rested_at = Some(horizon),
-                        Pause::Commanded => {}
+                        AdvanceOutcome::Finished => paused_at = Some(horizon),
+                        AdvanceOutcome::Commanded => {}
                     }
                 }
             }
         }
     }
 
-    /// Takes the participant out of its links, for the address where it goes next.
-    fn leave(self) -> (Option<Address>, Seat) {
-        let mut seat = self.seat;
-        if let Stage::Ready(mut ready) = std::mem::replace(&mut seat.stage, Stage::Leaving) {
+    /// Detaches the participant from its links, for a move to the next address.
+    fn detach(self) -> (Option<Address>, SessionState) {
+        let mut state = self.state;
+        if let Stage::Connected(mut connected) = std::mem::replace(&mut state.stage, Stage::Terminating) {
             if self.destination.is_some() {
-                seat.timing = ready.timing;
-                seat.stage = Stage::Described {
-                    participant: ready.stepper.into_participant(),
-                    worked: true,
+                state.timing = connected.timing;
+                state.stage = Stage::Configured {
+                    participant: connected.stepper.into_participant(),
+                    initialised: true,
                 };
-            } else if seat.replaced {
-                ready.stepper.terminate(Termination::Replaced);
+            } else if state.replaced {
+                connected.stepper.terminate(Termination::Replaced);
             }
         }
-        (self.destination, seat)
+        (self.destination, state)
     }
 
     /// Answers one request; returns whether there was one.
@@ -160,14 +160,14 @@ impl Session {
         let Session {
             domain,
             control,
-            seat,
+            state,
             destination,
             ..
         } = self;
         let served = control.serve(|request| match request {
             Request::Hello { .. } => Reply::Hello {
                 protocol: PROTOCOL,
-                program: seat.program.clone(),
+                program: state.program.clone(),
             },
             Request::Configure {
                 name,
@@ -175,11 +175,14 @@ impl Session {
                 seed,
                 period,
                 offset,
-            } => match configure(&seat.factory, name, &parameters, seed, period, offset) {
+            } => match configure(&state.factory, name, &parameters, seed, period, offset) {
                 Ok(participant) => {
                     let interface = participant.interface();
-                    let worked = false;
-                    seat.stage = Stage::Described { participant, worked };
+                    let initialised = false;
+                    state.stage = Stage::Configured {
+                        participant,
+                        initialised,
+                    };
                     Reply::Described { interface }
                 }
                 Err((key, reason)) => Reply::Refused { key, reason },
@@ -190,7 +193,7 @@ impl Session {
                 waiting,
                 record,
                 position,
-            } => seat.connect(
+            } => state.connect(
                 domain,
                 assignment,
                 &cores,
@@ -198,24 +201,24 @@ impl Session {
                 record,
                 position.map(|boxed| *boxed),
             ),
-            Request::Save => match &seat.stage {
-                Stage::Ready(ready) => saved(ready.stepper.participant()),
-                _ => refused("it has no state yet: connect first"),
+            Request::Save => match &state.stage {
+                Stage::Connected(connected) => save_reply(connected.stepper.participant()),
+                _ => refusal("it has no state yet: connect first"),
             },
-            Request::Move { address } if address.is_empty() && matches!(seat.stage, Stage::Ready(_)) => {
-                seat.replaced = true;
+            Request::Move { address } if address.is_empty() && matches!(state.stage, Stage::Connected(_)) => {
+                state.replaced = true;
                 Reply::Done
             }
-            Request::Move { address } => match (&seat.stage, address.parse()) {
-                (Stage::Ready(_), Ok(address)) => {
+            Request::Move { address } => match (&state.stage, address.parse()) {
+                (Stage::Connected(_), Ok(address)) => {
                     *destination = Some(address);
                     Reply::Done
                 }
-                (_, Err(error)) => refused(&error.to_string()),
-                _ => refused("it is nowhere yet: connect first"),
+                (_, Err(error)) => refusal(&error.to_string()),
+                _ => refusal("it is nowhere yet: connect first"),
             },
             Request::Terminate => {
-                seat.stage = Stage::Leaving;
+                state.stage = Stage::Terminating;
                 Reply::Done
             }
         })?;
@@ -224,42 +227,46 @@ impl Session {
 
     /// If `result` is a failure, ensures that what was complete reaches the tape and that the orchestrator receives the participant's own
     /// reason.
-    fn explain<T>(&mut self, result: Result<T, HostError>) -> Result<T, HostError> {
-        if let (Err(error), Stage::Ready(ready)) = (&result, &mut self.seat.stage) {
-            let stepper = &ready.stepper;
+    fn report_failure<T>(&mut self, result: Result<T, HostError>) -> Result<T, HostError> {
+        if let (Err(error), Stage::Connected(connected)) = (&result, &mut self.state.stage) {
+            let stepper = &connected.stepper;
             let (t, activation) = (stepper.next_seconds(), stepper.next_activation());
             let reason = match error {
                 HostError::Step { source, .. } => source.to_string(),
                 other => other.to_string(),
             };
-            ready.hand_over_spans(&mut self.sleeper)?;
+            connected.send_all_spans(&mut self.sleeper)?;
             let event = ParticipantEvent::Failed {
                 activation,
                 t: t.to_string(),
                 reason,
             };
-            ready.hand_over(&event, &mut self.sleeper)?;
+            connected.send_event(&event, &mut self.sleeper)?;
         }
         result
     }
 }
 
-impl Seat {
+impl SessionState {
     fn connect(
         &mut self,
         domain: &Domain,
         assignment: Assignment,
         cores: &[u32],
-        waiting: Waiting,
+        waiting: WaitStrategy,
         record: u32,
         mut position: Option<Position>,
     ) -> Reply {
-        let Stage::Described { participant, worked } = &mut self.stage else {
-            return refused("it is not time to connect: configure first");
+        let Stage::Configured {
+            participant,
+            initialised,
+        } = &mut self.stage
+        else {
+            return refusal("it is not time to connect: configure first");
         };
         match &mut position {
-            None if *worked => {
-                return refused("it has already been initialised, so a position to continue from is required");
+            None if *initialised => {
+                return refusal("it has already been initialised, so a position to continue from is required");
             }
             None => {}
             Some(position) => {
@@ -267,14 +274,14 @@ impl Seat {
                 let t = assignment.timebase.seconds(instant);
                 let state = position.state.take();
                 let log = Log::new(&self.name, None);
-                if let Err(error) = settle(participant.as_mut(), t, !*worked, state.as_deref(), &log) {
-                    return refused(&error.to_string());
+                if let Err(error) = prepare_to_resume(participant.as_mut(), t, !*initialised, state.as_deref(), &log) {
+                    return refusal(&error.to_string());
                 }
-                // The participant has begun.
-                *worked = true;
+                // The participant is initialised now.
+                *initialised = true;
             }
         }
-        let Stage::Described { participant, .. } = std::mem::replace(&mut self.stage, Stage::Unknown) else {
+        let Stage::Configured { participant, .. } = std::mem::replace(&mut self.stage, Stage::Unconfigured) else {
             unreachable!("looked at above");
         };
         let inputs = assignment.inputs.len();
@@ -288,28 +295,28 @@ impl Seat {
             record,
             position,
         ) {
-            Ok(mut ready) => {
+            Ok(mut connected) => {
                 if self.timing.inputs_ns.len() == inputs {
-                    ready.timing = std::mem::take(&mut self.timing);
+                    connected.timing = std::mem::take(&mut self.timing);
                 }
-                ready.spans = self.spans.map(Spans::new);
-                self.stage = Stage::Ready(Box::new(ready));
+                connected.spans = self.spans.map(Spans::new);
+                self.stage = Stage::Connected(Box::new(connected));
                 Reply::Done
             }
-            Err(error) => refused(&error.to_string()),
+            Err(error) => refusal(&error.to_string()),
         }
     }
 }
 
-fn saved(participant: &dyn Participant) -> Reply {
+fn save_reply(participant: &dyn Participant) -> Reply {
     match catch_unwind(AssertUnwindSafe(|| state::of(participant))) {
         Ok(Ok(state)) => Reply::State(state),
-        Ok(Err(reason)) => refused(&reason),
-        Err(panic) => refused(&format!("it panicked: {}", message(&*panic))),
+        Ok(Err(reason)) => refusal(&reason),
+        Err(panic) => refusal(&format!("it panicked: {}", message(&*panic))),
     }
 }
 
-fn refused(reason: &str) -> Reply {
+fn refusal(reason: &str) -> Reply {
     Reply::Refused {
         key: String::new(),
         reason: reason.to_owned(),

@@ -1,42 +1,42 @@
 //! The spans of one participant before they are sent to the orchestrator.
 
 use crate::control::ParticipantEvent;
-use crate::span::{Detail, Doing, Span, core, now_ns};
+use crate::span::{Detail, Span, SpanActivity, core, now_ns};
 
 /// The most spans kept while the recorder has no room for them. Later ones are dropped and counted.
-const KEPT: usize = 4096;
+const CAPACITY: usize = 4096;
 /// Spans in one event, which stays below the size of the longest one.
-const TOGETHER: usize = 64;
+const BATCH: usize = 64;
 /// The longest interval between two events, ns.
-const EVERY_NS: u64 = 20_000_000;
+const INTERVAL_NS: u64 = 20_000_000;
 
 /// The spans that have not been sent yet.
 pub(super) struct Spans {
     detail: Detail,
-    kept: Vec<Span>,
+    pending: Vec<Span>,
     /// The number of spans dropped since the last event.
     lost: u64,
-    handed_ns: u64,
+    sent_ns: u64,
     /// When the participant reached the horizon, ns.
-    resting_ns: Option<u64>,
+    paused_ns: Option<u64>,
 }
 
 impl Spans {
     pub(super) fn new(detail: Detail) -> Spans {
         Spans {
             detail,
-            kept: Vec::with_capacity(KEPT),
+            pending: Vec::with_capacity(CAPACITY),
             lost: 0,
-            handed_ns: 0,
-            resting_ns: None,
+            sent_ns: 0,
+            paused_ns: None,
         }
     }
 
     /// Records that part of a step of `activation` was done since `begin_ns`.
-    pub(super) fn computed(&mut self, activation: u64, begin_ns: u64, done: bool) {
-        self.keep(Span {
+    pub(super) fn record_step(&mut self, activation: u64, begin_ns: u64, done: bool) {
+        self.push(Span {
             activation,
-            doing: Doing::Computing { done },
+            activity: SpanActivity::Computing { done },
             core: core(),
             sleeps: 0,
             begin_ns,
@@ -45,12 +45,19 @@ impl Spans {
     }
 
     /// Records a wait.
-    pub(super) fn waited(&mut self, activation: u64, doing: Doing, sleeps: u32, begin_ns: u64, end_ns: u64) {
+    pub(super) fn record_wait(
+        &mut self,
+        activation: u64,
+        activity: SpanActivity,
+        sleeps: u32,
+        begin_ns: u64,
+        end_ns: u64,
+    ) {
         if self.detail == Detail::Waits {
             let core = core();
-            self.keep(Span {
+            self.push(Span {
                 activation,
-                doing,
+                activity,
                 core,
                 sleeps,
                 begin_ns,
@@ -60,21 +67,21 @@ impl Spans {
     }
 
     /// Records that the participant has reached the horizon.
-    pub(super) fn rests(&mut self) {
-        self.resting_ns = Some(now_ns());
+    pub(super) fn begin_pause(&mut self) {
+        self.paused_ns = Some(now_ns());
     }
 
     /// Records that the participant continues from the horizon with `activation`.
-    pub(super) fn goes_on(&mut self, activation: u64) {
-        if let Some(begin_ns) = self.resting_ns.take() {
-            self.waited(activation, Doing::Horizon, 0, begin_ns, now_ns());
+    pub(super) fn end_pause(&mut self, activation: u64) {
+        if let Some(begin_ns) = self.paused_ns.take() {
+            self.record_wait(activation, SpanActivity::Horizon, 0, begin_ns, now_ns());
         }
     }
 
-    fn keep(&mut self, span: Span) {
+    fn push(&mut self, span: Span) {
         // Once a span is dropped, all later ones are too until there is room for the rest: the reported spans then have a single gap.
-        if self.kept.len() < KEPT && self.lost == 0 {
-            self.kept.push(span);
+        if self.pending.len() < CAPACITY && self.lost == 0 {
+            self.pending.push(span);
         } else {
             self.lost += 1;
         }
@@ -82,26 +89,30 @@ impl Spans {
 
     /// Whether an event is due.
     pub(super) fn is_due(&self) -> bool {
-        let newest = self.kept.last().map_or(0, |span| span.end_ns);
-        self.kept.len() >= TOGETHER || newest > self.handed_ns + EVERY_NS
+        let newest = self.pending.last().map_or(0, |span| span.end_ns);
+        self.pending.len() >= BATCH || newest > self.sent_ns + INTERVAL_NS
     }
 
     /// The next event, if there is anything to report.
     pub(super) fn event(&self) -> Option<ParticipantEvent> {
-        let spans = &self.kept[..self.kept.len().min(TOGETHER)];
+        let spans = &self.pending[..self.pending.len().min(BATCH)];
         (!spans.is_empty() || self.lost > 0).then(|| ParticipantEvent::Spans {
             // The dropped spans came after all that are kept.
-            lost: if spans.len() == self.kept.len() { self.lost } else { 0 },
+            lost: if spans.len() == self.pending.len() {
+                self.lost
+            } else {
+                0
+            },
             spans: spans.to_vec(),
         })
     }
 
     /// Records that the event was sent.
-    pub(super) fn handed(&mut self) {
-        let count = self.kept.len().min(TOGETHER);
-        self.handed_ns = self.kept.get(count.saturating_sub(1)).map_or(0, |span| span.end_ns);
-        self.kept.drain(..count);
-        if self.kept.is_empty() {
+    pub(super) fn mark_sent(&mut self) {
+        let count = self.pending.len().min(BATCH);
+        self.sent_ns = self.pending.get(count.saturating_sub(1)).map_or(0, |span| span.end_ns);
+        self.pending.drain(..count);
+        if self.pending.is_empty() {
             self.lost = 0;
         }
     }
@@ -114,24 +125,24 @@ mod tests {
     #[test]
     fn spans_count_dropped_after_kept() {
         let mut spans = Spans::new(Detail::Waits);
-        let count = KEPT as u64 + 10;
-        (0..count).for_each(|at| spans.waited(at, Doing::Recorder, 0, at, at + 1));
-        let (mut told, mut left_out) = (Vec::new(), 0);
+        let count = CAPACITY as u64 + 10;
+        (0..count).for_each(|at| spans.record_wait(at, SpanActivity::Recorder, 0, at, at + 1));
+        let (mut reported, mut lost_count) = (Vec::new(), 0);
         while let Some(ParticipantEvent::Spans { lost, spans: some }) = spans.event() {
-            assert_eq!(left_out, 0, "nothing is told behind what is missing");
-            left_out += lost;
-            told.extend(some.iter().map(|span| span.activation));
-            spans.handed();
+            assert_eq!(lost_count, 0, "no span is reported after missing ones");
+            lost_count += lost;
+            reported.extend(some.iter().map(|span| span.activation));
+            spans.mark_sent();
         }
-        assert_eq!((told, left_out), ((0..KEPT as u64).collect(), 10));
+        assert_eq!((reported, lost_count), ((0..CAPACITY as u64).collect(), 10));
     }
 
     #[test]
     fn spans_omit_waits_unless_requested() {
         let mut spans = Spans::new(Detail::Steps);
-        spans.waited(0, Doing::Horizon, 0, 0, 1);
+        spans.record_wait(0, SpanActivity::Horizon, 0, 0, 1);
         assert_eq!(spans.event(), None);
-        spans.computed(3, now_ns(), true);
+        spans.record_step(3, now_ns(), true);
         assert!(matches!(spans.event(), Some(ParticipantEvent::Spans { lost: 0, spans }) if spans[0].activation == 3));
     }
 }

@@ -61,10 +61,10 @@ impl Conversion {
         }
         for pair in &self.pairs {
             let count = pair.count as usize;
-            if count == 0 || !pair.to.run_fits(count, takes) {
+            if count == 0 || !pair.to.fits_run(count, takes) {
                 return Err(format!("`{}` has no such elements", takes.name));
             }
-            if !pair.terms.iter().all(|term| term.from.run_fits(count, &self.message)) {
+            if !pair.terms.iter().all(|term| term.from.fits_run(count, &self.message)) {
                 return Err(format!("`{}` has no such elements", self.message.name));
             }
             let scales = pair.terms.iter().map(|term| term.scale);
@@ -76,7 +76,7 @@ impl Conversion {
                 let from = term.from.element;
                 return Err(format!("{to} does not hold every value of {from}"));
             }
-            if !pair.terms.is_empty() && !pair.copies() && !to.is_decimal() {
+            if !pair.terms.is_empty() && !pair.copies() && !to.is_float() {
                 return Err(format!("arithmetic needs f64 or f32 where the elements are {to}"));
             }
             if pair.terms.is_empty() && pair.offset != 0.0 && to.room().is_some() {
@@ -98,8 +98,8 @@ impl Conversion {
 
     /// Writes the values that replace a missing sample into the payload of the input: the elements of `initial`, which is such a payload,
     /// and constants, which always hold.
-    pub(crate) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
-        self.pairs.iter().for_each(|pair| pair.stand_in(initial, payload));
+    pub(crate) fn apply_initial(&self, initial: &[u8], payload: &mut [u8]) {
+        self.pairs.iter().for_each(|pair| pair.apply_initial(initial, payload));
     }
 }
 
@@ -117,13 +117,13 @@ impl Pair {
     }
 
     /// Whether the result is the sample's own bytes.
-    pub(super) fn keeps_bytes(&self) -> bool {
+    pub(super) fn copies_bytes(&self) -> bool {
         self.copies() && self.terms[0].from.element == self.to.element
     }
 
     fn elements(&self) -> impl Iterator<Item = Slot> {
         let to = self.to;
-        (0..self.count).map(move |number| to.after(number))
+        (0..self.count).map(move |number| to.offset_by(number))
     }
 
     /// Zeroes the elements to which this and other pairs will add.
@@ -134,7 +134,7 @@ impl Pair {
     }
 
     /// Writes the values that replace a missing sample into its elements.
-    pub(super) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
+    pub(super) fn apply_initial(&self, initial: &[u8], payload: &mut [u8]) {
         if self.terms.is_empty() {
             self.apply(&[], payload);
         } else if self.adds {
@@ -154,7 +154,7 @@ impl Pair {
         }
         for number in 0..self.count {
             let mut parts = self.terms.iter();
-            let part = |term: &Term| term.from.after(number).value(sample) * term.scale;
+            let part = |term: &Term| term.from.offset_by(number).value(sample) * term.scale;
             let mut value = match parts.next() {
                 Some(first) => parts.fold(part(first), |sum, term| sum + part(term)),
                 None => self.offset,
@@ -162,7 +162,7 @@ impl Pair {
             if self.offset != 0.0 && !self.terms.is_empty() {
                 value += self.offset;
             }
-            let to = self.to.after(number);
+            let to = self.to.offset_by(number);
             if self.adds {
                 value += to.value(payload);
             }
@@ -179,16 +179,16 @@ impl Pair {
             return payload[range].copy_from_slice(bytes);
         }
         for number in 0..self.count {
-            let (from, to) = (from.after(number), self.to.after(number));
+            let (from, to) = (from.offset_by(number), self.to.offset_by(number));
             let bytes = to.bytes(payload);
             if to.element.room().is_some() {
                 // The larger element is padded behind the same bytes.
                 bytes.fill(0);
                 bytes[..from.element.size()].copy_from_slice(&sample[from.range()]);
-            } else if to.element.is_decimal() {
+            } else if to.element.is_float() {
                 to.element.put(from.value(sample), bytes);
             } else {
-                let whole = from.element.whole(&sample[from.range()]).to_le_bytes();
+                let whole = from.element.to_integer(&sample[from.range()]).to_le_bytes();
                 bytes.copy_from_slice(&whole[..to.element.size()]);
             }
         }
@@ -258,20 +258,21 @@ mod tests {
         ];
         for (from, values) in &all {
             for (to, _) in &all {
-                let kept = values.iter().all(|value| same(*from, value, *to)) && (to.is_number() || from == to);
+                let kept =
+                    values.iter().all(|value| is_same_number(*from, value, *to)) && (to.is_number() || from == to);
                 assert_eq!(to.holds(*from), kept, "{from:?} in {to:?}");
             }
         }
     }
 
     /// Whether the converted value is the same number.
-    fn same(from: Element, value: &[u8], to: Element) -> bool {
+    fn is_same_number(from: Element, value: &[u8], to: Element) -> bool {
         let new = converted(from, value, to, 1.0, 0.0);
-        match (from.is_decimal(), to.is_decimal()) {
+        match (from.is_float(), to.is_float()) {
             (true, true) => from.to_f64(value).to_bits() == to.to_f64(&new).to_bits(),
             // Every value of these types is an integer, so a double that is only near it differs.
-            (false, true) => from.whole(value) == to.to_f64(&new) as i128,
-            (false, false) => from.whole(value) == to.whole(&new),
+            (false, true) => from.to_integer(value) == to.to_f64(&new) as i128,
+            (false, false) => from.to_integer(value) == to.to_integer(&new),
             // None of them holds a number that is not an integer.
             (true, false) => false,
         }
@@ -329,7 +330,7 @@ mod tests {
         }
         one.clear(&mut payload);
         one.apply(&sample, &mut payload);
-        two.stand_in(&initial, &mut payload);
+        two.apply_initial(&initial, &mut payload);
         assert_eq!(Element::F64.to_f64(&payload[8..]), 16.5 + 100.0);
     }
 }

@@ -6,9 +6,9 @@ use crate::port::{Descriptor, Element};
 /// `after`. Integers and bytes are those of `before`.
 pub(crate) fn interpolate(descriptor: &Descriptor, before: &[u8], after: &[u8], weight: f64, out: &mut [u8]) {
     out.copy_from_slice(before);
-    for field in descriptor.fields.iter().filter(|field| field.element.is_decimal()) {
+    for field in descriptor.fields.iter().filter(|field| field.element.is_float()) {
         for at in field.range().step_by(field.element.size()) {
-            put_between(
+            interpolate_element(
                 field.element,
                 &before[at..],
                 &after[at..],
@@ -19,12 +19,12 @@ pub(crate) fn interpolate(descriptor: &Descriptor, before: &[u8], after: &[u8], 
     }
 }
 
-fn put_between(element: Element, before: &[u8], after: &[u8], weight: f64, out: &mut [u8]) {
+fn interpolate_element(element: Element, before: &[u8], after: &[u8], weight: f64, out: &mut [u8]) {
     let (a, b) = (element.to_f64(before), element.to_f64(after));
-    let way = b - a;
+    let difference = b - a;
     // Where the difference overflows a double, the two products do not.
-    let value = if way.is_finite() {
-        a + weight * way
+    let value = if difference.is_finite() {
+        a + weight * difference
     } else {
         a * (1.0 - weight) + b * weight
     };

@@ -1,14 +1,14 @@
 //! Links: which sample of an output an input sees, and when.
 
 mod conversion;
+mod delivery_rule;
+mod describe;
 mod interpolation;
-mod joined;
+mod prepared;
 mod schedule;
-mod visibility;
-mod words;
 
 pub use conversion::{Conversion, Pair, Term};
+pub use delivery_rule::{DeliveryRule, Hold, Timing, TimingError};
 pub(crate) use interpolation::interpolate;
-pub(crate) use joined::Joined;
+pub(crate) use prepared::PreparedConversion;
 pub use schedule::{Read, ReadSchedule};
-pub use visibility::{Hold, Timing, TimingError, Visibility};

@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Hold, Visibility};
+use super::{DeliveryRule, Hold};
 use crate::time::{SampleTime, Ticks};
 
 /// What an input sees at a communication point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Read {
-    /// Nothing is visible yet (or the hold says so): the link's initial value.
+    /// No sample is visible yet, or the hold requires it: the link's initial value.
     Initial,
     /// The sample with this index.
     Sample(u64),
@@ -32,11 +32,11 @@ impl Read {
 /// will ever read, the consumer to know which one to wait for. It holds no data and depends only on the plan.
 #[derive(Debug, Clone)]
 pub struct ReadSchedule {
-    visibility: Visibility,
+    visibility: DeliveryRule,
     /// The least and the largest delay of the link, ticks.
     delays: (Ticks, Ticks),
     /// Every sample arrives, and all have the same delay: the read follows from one division.
-    steady: bool,
+    has_constant_delay: bool,
     consumer: SampleTime,
     /// Read sample 0 while nothing is visible.
     first_sample: bool,
@@ -52,10 +52,10 @@ pub struct ReadSchedule {
 impl ReadSchedule {
     /// The schedule of a link for a consumer with sample time `consumer`. With `first_sample`, the producer's sample 0 is read while
     /// nothing is visible; that is allowed only for outputs that exist before the run starts.
-    pub fn new(visibility: Visibility, consumer: SampleTime, first_sample: bool) -> ReadSchedule {
+    pub fn new(visibility: DeliveryRule, consumer: SampleTime, first_sample: bool) -> ReadSchedule {
         let delays = visibility.delay_bounds();
         ReadSchedule {
-            steady: delays.0 == delays.1 && !visibility.drops(),
+            has_constant_delay: delays.0 == delays.1 && !visibility.may_drop(),
             visibility,
             delays,
             consumer,
@@ -76,68 +76,71 @@ impl ReadSchedule {
     pub fn advance(&mut self) -> Read {
         let t = self.consumer.instant(self.next);
         self.next += 1;
-        self.at(t)
+        self.read_at(t)
     }
 
-    /// Jumps to activation `k` (forward only), for a participant that takes over during the run.
+    /// Jumps to activation `k` (forward only), for a participant that is substituted during the run.
     pub fn skip_to(&mut self, k: u64) {
         self.next = self.next.max(k);
     }
 
-    fn at(&mut self, t: Ticks) -> Read {
+    fn read_at(&mut self, t: Ticks) -> Read {
         let (least, most) = self.delays;
         let producer = self.visibility.producer();
-        // No sample beyond `last` can be visible; every sample up to `sure` is, unless it is dropped.
+        // No sample beyond `last` can be visible; every sample up to `settled_end` is, unless it is dropped.
         let Some(last) = producer.index_at_or_before(t.saturating_sub(least)) else {
-            return self.nothing();
+            return self.initial_read();
         };
-        if self.steady {
-            return self.towards_next(last, t);
+        if self.has_constant_delay {
+            return self.read_from(last, t);
         }
-        let sure = producer
+        let settled_end = producer
             .index_at_or_before(t.saturating_sub(most))
             .map_or(0, |index| index + 1);
-        if sure > self.settled {
-            self.settle(sure);
+        if settled_end > self.settled {
+            self.settle(settled_end);
         }
         let late = (self.settled..=last)
             .rev()
-            .find(|&k| producer.instant(k) + self.visibility.delay(k) <= t && self.arrives(k));
+            .find(|&k| producer.instant(k) + self.visibility.delay(k) <= t && self.counts_as_newest(k));
         let newest_sent = late.or(self.newest_sent);
         match self.visibility.hold() {
             Hold::Last | Hold::Linear => {
                 let newest = late.or(self.newest);
-                newest.map_or_else(|| self.nothing(), |newest| self.towards_next(newest, t))
+                newest.map_or_else(|| self.initial_read(), |newest| self.read_from(newest, t))
             }
             Hold::Initial => match newest_sent {
-                Some(k) if !self.visibility.dropped(k) => Read::Sample(k),
+                Some(k) if !self.visibility.is_dropped(k) => Read::Sample(k),
                 Some(_) => Read::Initial,
-                None => self.nothing(),
+                None => self.initial_read(),
             },
         }
     }
 
     /// What is read at `t` where sample `k` is the newest one.
-    fn towards_next(&self, k: u64, t: Ticks) -> Read {
-        let after = (self.visibility.hold() == Hold::Linear).then(|| self.visibility.following(k, t));
+    fn read_from(&self, k: u64, t: Ticks) -> Read {
+        let after = (self.visibility.hold() == Hold::Linear).then(|| self.visibility.interpolation_target(k, t));
         after.flatten().map_or(Read::Sample(k), |after| Read::Between(k, after))
     }
 
     /// Whether sample `k` counts in the search for the newest: under `Hold::Initial` a dropped sample does, as a gap.
-    fn arrives(&self, k: u64) -> bool {
-        self.visibility.hold() == Hold::Initial || !self.visibility.dropped(k)
+    fn counts_as_newest(&self, k: u64) -> bool {
+        self.visibility.hold() == Hold::Initial || !self.visibility.is_dropped(k)
     }
 
-    fn settle(&mut self, sure: u64) {
+    fn settle(&mut self, settled_end: u64) {
         // Only the newest of the newly settled samples matters; look backwards from the end.
-        if let Some(found) = (self.settled..sure).rev().find(|&k| !self.visibility.dropped(k)) {
+        if let Some(found) = (self.settled..settled_end)
+            .rev()
+            .find(|&k| !self.visibility.is_dropped(k))
+        {
             self.newest = Some(found);
         }
-        self.newest_sent = Some(sure - 1);
-        self.settled = sure;
+        self.newest_sent = Some(settled_end - 1);
+        self.settled = settled_end;
     }
 
-    fn nothing(&self) -> Read {
+    fn initial_read(&self) -> Read {
         if self.first_sample {
             Read::Sample(0)
         } else {
@@ -149,30 +152,31 @@ impl ReadSchedule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fault::{LinkFault, Span};
+    use crate::fault::{FaultWindow, LinkFault};
     use crate::link::Timing;
     use crate::time::{Rational, Timebase};
     use proptest::prelude::*;
 
     /// A direct implementation of the rule, which tests every sample.
-    fn searched(visibility: &Visibility, t: Ticks, first_sample: bool) -> Read {
+    fn read_by_search(visibility: &DeliveryRule, t: Ticks, first_sample: bool) -> Read {
         let arrived = |k: &u64| visibility.producer().instant(*k) + visibility.delay(*k) <= t;
         let sent = (0..200).rev().filter(arrived);
         let newest = match visibility.hold() {
-            Hold::Last | Hold::Linear => sent.clone().find(|&k| !visibility.dropped(k)),
+            Hold::Last | Hold::Linear => sent.clone().find(|&k| !visibility.is_dropped(k)),
             Hold::Initial => match sent.clone().next() {
-                Some(k) if visibility.dropped(k) => return Read::Initial,
+                Some(k) if visibility.is_dropped(k) => return Read::Initial,
                 other => other,
             },
         };
         match newest {
             Some(k) if visibility.hold() == Hold::Linear => {
                 // The next sample that is not lost, if it has arrived by `t` without the delay and was taken before.
-                let mut without = visibility.clone();
-                without.shift_nothing();
-                let there =
-                    |next: &u64| visibility.producer().instant(*next) < t && arrived_without(&without, *next, t);
-                let next = (k + 1..400).find(|&next| !visibility.dropped(next)).filter(there);
+                let mut undelayed = visibility.clone();
+                undelayed.clear_fixed_delay();
+                let there = |next: &u64| {
+                    visibility.producer().instant(*next) < t && has_arrived_without_delay(&undelayed, *next, t)
+                };
+                let next = (k + 1..400).find(|&next| !visibility.is_dropped(next)).filter(there);
                 let between = next.filter(|_| visibility.weight(t, k, k + 1) > 0.0);
                 between.map_or(Read::Sample(k), |next| Read::Between(k, next))
             }
@@ -182,8 +186,8 @@ mod tests {
         }
     }
 
-    fn arrived_without(without: &Visibility, k: u64, t: Ticks) -> bool {
-        without.producer().instant(k) + without.delay(k) <= t
+    fn has_arrived_without_delay(undelayed: &DeliveryRule, k: u64, t: Ticks) -> bool {
+        undelayed.producer().instant(k) + undelayed.delay(k) <= t
     }
 
     proptest! {
@@ -200,7 +204,7 @@ mod tests {
             first_sample in any::<bool>(),
             seed in any::<u64>(),
         ) {
-            let timebase = Timebase::measuring([Rational::from_millis(1)]).unwrap();
+            let timebase = Timebase::from_times([Rational::from_millis(1)]).unwrap();
             let timing = Timing {
                 delay: Rational::new(i128::from(delay), i128::from(delay_parts) * 1000).unwrap(),
                 jitter: Rational::from_millis(jitter),
@@ -209,7 +213,7 @@ mod tests {
             };
             let fault = |(number, (at, length, drop, extra, parts)): (usize, &(i64, Option<i64>, f64, i64, i64))| LinkFault {
                 name: format!("f{number}"),
-                span: Span {
+                span: FaultWindow {
                     at: Rational::from_millis(*at),
                     until: length.map(|length| Rational::from_millis(at + length)),
                 },
@@ -219,13 +223,13 @@ mod tests {
             };
             let faults: Vec<LinkFault> = faults.iter().enumerate().map(fault).collect();
             let producer = SampleTime { offset, period };
-            let visibility = Visibility::new(&timing, &faults, producer, &timebase, seed, "x").unwrap();
+            let visibility = DeliveryRule::new(&timing, &faults, producer, &timebase, seed, "x").unwrap();
             let consumer = SampleTime { offset: consumer_offset, period: consumer_period };
             let mut schedule = ReadSchedule::new(visibility.clone(), consumer, first_sample);
             let mut last = 0;
             for k in 0..consumer.count_before(200 * period.min(5)) {
                 let read = schedule.advance();
-                prop_assert_eq!(read, searched(&visibility, consumer.instant(k), first_sample), "activation {}", k);
+                prop_assert_eq!(read, read_by_search(&visibility, consumer.instant(k), first_sample), "activation {}", k);
                 if let Some(index) = read.samples().next() {
                     prop_assert!(index >= last, "reads never go back");
                     last = index;
@@ -248,47 +252,50 @@ mod tests {
             (before, drop) in (prop_oneof![Just(0.0), 0.0..1.0], prop_oneof![Just(0.0), Just(1.0), 0.0..1.0]),
             seed in any::<u64>(),
         ) {
-            let timebase = Timebase::measuring([Rational::from_millis(1)]).unwrap();
+            let timebase = Timebase::from_times([Rational::from_millis(1)]).unwrap();
             let producer = SampleTime { offset: 3, period: 2 };
             let thirds = |n: i64| Rational::new(i128::from(n), 3000).unwrap();
             let timing = Timing { delay: thirds(delay), drop: before, ..Timing::default() };
             let fault = LinkFault {
                 name: "f".into(),
-                span: Span { at: thirds(at), until: Some(thirds(at + length)) },
+                span: FaultWindow { at: thirds(at), until: Some(thirds(at + length)) },
                 drop,
                 extra_delay: Rational::new(i128::from(extra), i128::from(parts) * 1000).unwrap(),
                 words: String::new(),
             };
-            let rule = |faults: &[LinkFault]| Visibility::new(&timing, faults, producer, &timebase, seed, "x").unwrap();
+            let rule = |faults: &[LinkFault]| DeliveryRule::new(&timing, faults, producer, &timebase, seed, "x").unwrap();
             let (healthy, faulty) = (rule(&[]), rule(std::slice::from_ref(&fault)));
             prop_assert_eq!(faulty.delay_bounds().0, healthy.delay_bounds().0, "no loop is opened, none is made");
             for k in 0..60 {
                 let stamp = 3 * producer.instant(k);
                 if stamp < at || stamp >= at + length {
                     prop_assert_eq!(faulty.delay(k), healthy.delay(k));
-                    prop_assert_eq!(faulty.dropped(k), healthy.dropped(k));
+                    prop_assert_eq!(faulty.is_dropped(k), healthy.is_dropped(k));
                     continue;
                 }
                 let late = timing.delay.seconds() + fault.extra_delay.seconds();
                 let ticks = faulty.delay(k) as f64;
                 prop_assert!((late * 1000.0 - 1e-9..late * 1000.0 + 1.0).contains(&ticks), "{} {}", late, ticks);
                 prop_assert!(ticks <= faulty.delay_bounds().1 as f64);
-                prop_assert!(faulty.dropped(k) >= healthy.dropped(k));
-                prop_assert!(drop < 1.0 || faulty.dropped(k));
-                prop_assert!(drop > 0.0 || faulty.dropped(k) == healthy.dropped(k));
+                prop_assert!(faulty.is_dropped(k) >= healthy.is_dropped(k));
+                prop_assert!(drop < 1.0 || faulty.is_dropped(k));
+                prop_assert!(drop > 0.0 || faulty.is_dropped(k) == healthy.is_dropped(k));
             }
         }
 
         #[test]
-        fn delay_stays_within_exact_bounds(delay in 0_i128..1_000_000, jitter in 0_i128..1_000_000, parts in 1_i128..1000, seed in any::<u64>()) {
-            let timebase = Timebase::measuring([Rational::new(1, 300).unwrap(), Rational::from_millis(1)]).unwrap();
+        fn delay_stays_within_exact_bounds(
+            (delay, jitter, parts) in (0_i128..1_000_000, 0_i128..1_000_000, 1_i128..1000),
+            seed in any::<u64>(),
+        ) {
+            let timebase = Timebase::from_times([Rational::new(1, 300).unwrap(), Rational::from_millis(1)]).unwrap();
             let timing = Timing {
                 delay: Rational::new(delay, parts * 1000).unwrap(),
                 jitter: Rational::new(jitter, parts * 777).unwrap(),
                 ..Timing::default()
             };
             let producer = SampleTime { offset: 0, period: 10 };
-            let visibility = Visibility::new(&timing, &[], producer, &timebase, seed, "x").unwrap();
+            let visibility = DeliveryRule::new(&timing, &[], producer, &timebase, seed, "x").unwrap();
             let (least, most) = visibility.delay_bounds();
             prop_assert_eq!(least, timebase.ceil(timing.delay).unwrap());
             for k in 0..50 {

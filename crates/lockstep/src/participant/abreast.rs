@@ -80,35 +80,32 @@ impl<P> Abreast<'_, P> {
 
 /// A participant that can be stepped together with others of its type.
 pub struct Member<'a> {
-    kind: Together,
-    itself: &'a mut dyn Any,
+    kind: BatchType,
+    participant: &'a mut dyn Any,
 }
 
 impl<'a> Member<'a> {
     /// `participant`, stepped with others of its type.
     pub fn of<P: StepAbreast>(participant: &'a mut P) -> Member<'a> {
-        let kind = Together {
+        let kind = BatchType {
             kind: TypeId::of::<P>(),
             common: || Box::new(P::Common::default()),
             step: step::<P>,
         };
-        Member {
-            kind,
-            itself: participant,
-        }
+        Member { kind, participant }
     }
 }
 
 /// How the participants of one type are stepped together.
 #[derive(Clone, Copy)]
-struct Together {
+struct BatchType {
     kind: TypeId,
     common: fn() -> Box<dyn Any>,
-    step: fn(&mut [&mut Pending<'_>], &mut dyn Any),
+    step: fn(&mut [&mut PendingStep<'_>], &mut dyn Any),
 }
 
 /// A step that is ready to be executed: all of its inputs have been received.
-pub struct Pending<'a> {
+pub struct PendingStep<'a> {
     pub(crate) member: Member<'a>,
     pub(crate) step: Step,
     pub(crate) inputs: &'a Inputs,
@@ -116,13 +113,13 @@ pub struct Pending<'a> {
     pub(crate) result: &'a mut Option<Result<(), Failure>>,
 }
 
-fn step<P: StepAbreast>(pending: &mut [&mut Pending<'_>], common: &mut dyn Any) {
+fn step<P: StepAbreast>(pending: &mut [&mut PendingStep<'_>], common: &mut dyn Any) {
     let mut those: Vec<Abreast<'_, P>> = pending
         .iter_mut()
         .filter_map(|one| {
             *one.result = Some(Ok(()));
             Some(Abreast {
-                participant: one.member.itself.downcast_mut()?,
+                participant: one.member.participant.downcast_mut()?,
                 step: one.step,
                 inputs: one.inputs,
                 outputs: one.outputs,
@@ -136,27 +133,27 @@ fn step<P: StepAbreast>(pending: &mut [&mut Pending<'_>], common: &mut dyn Any) 
 
 /// Executes steps of different runs together, type by type, and keeps the working data of each type.
 #[derive(Default)]
-pub struct Stride {
-    commons: Vec<(TypeId, Box<dyn Any>)>,
+pub struct BatchStepper {
+    common_data: Vec<(TypeId, Box<dyn Any>)>,
 }
 
-impl Stride {
+impl BatchStepper {
     /// Executes the steps of `pending`, which belong to different participants. A panic leaves all of them half done.
-    pub fn step(&mut self, pending: &mut [Pending<'_>]) {
-        let mut left: Vec<&mut Pending<'_>> = pending.iter_mut().collect();
-        while let Some(first) = left.first() {
-            let Together { kind, common, step } = first.member.kind;
-            let (mut those, others) = left.into_iter().partition(|one| one.member.kind.kind == kind);
-            left = others;
-            let at = match self.commons.iter().position(|(known, _)| *known == kind) {
+    pub fn step(&mut self, pending: &mut [PendingStep<'_>]) {
+        let mut remaining: Vec<&mut PendingStep<'_>> = pending.iter_mut().collect();
+        while let Some(first) = remaining.first() {
+            let BatchType { kind, common, step } = first.member.kind;
+            let (mut batch, others) = remaining.into_iter().partition(|one| one.member.kind.kind == kind);
+            remaining = others;
+            let at = match self.common_data.iter().position(|(known, _)| *known == kind) {
                 Some(at) => at,
                 None => {
-                    self.commons.push((kind, common()));
-                    self.commons.len() - 1
+                    self.common_data.push((kind, common()));
+                    self.common_data.len() - 1
                 }
             };
-            let those: &mut Vec<_> = &mut those;
-            step(those, &mut *self.commons[at].1);
+            let batch: &mut Vec<_> = &mut batch;
+            step(batch, &mut *self.common_data[at].1);
         }
     }
 }

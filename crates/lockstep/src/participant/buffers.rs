@@ -60,7 +60,7 @@ const SINGLE_ONE: u32 = 1 << 23;
 /// The exponent alone decides. Only an exponent of all ones overflows into the sign bit when one is added. Every processor has SIMD
 /// additions of this width; not every one has SIMD comparisons of it.
 #[inline(never)]
-fn are_finite(bytes: &[u8]) -> bool {
+fn all_finite(bytes: &[u8]) -> bool {
     let finite = |words: &[[u8; 8]]| {
         let sum = |word: &[u8; 8]| (u64::from_le_bytes(*word) & DOUBLE_EXPONENT) + DOUBLE_ONE;
         words.iter().fold(0, |all, word| all | sum(word)) >> 63 == 0
@@ -74,7 +74,7 @@ fn are_finite(bytes: &[u8]) -> bool {
 #[derive(Debug, Clone)]
 pub(crate) struct ValueCheck {
     /// Whether a fault upstream may have made numbers NaN or infinite; numbers are then not checked.
-    disturbed: bool,
+    allow_non_finite: bool,
     doubles: Vec<Range<usize>>,
     singles: Vec<Range<usize>>,
     /// Truth values and enumerations, each with a bit for every byte that is a valid value.
@@ -86,10 +86,13 @@ pub(crate) struct ValueCheck {
 }
 
 impl ValueCheck {
-    pub(crate) fn new(descriptor: &Descriptor, disturbed: bool) -> ValueCheck {
+    pub(crate) fn new(descriptor: &Descriptor, allow_non_finite: bool) -> ValueCheck {
         let runs = |element: Element| {
             let mut runs: Vec<Range<usize>> = Vec::new();
-            let fields = descriptor.fields.iter().filter(|f| !disturbed && f.element == element);
+            let fields = descriptor
+                .fields
+                .iter()
+                .filter(|f| !allow_non_finite && f.element == element);
             for range in fields.map(|f| f.range()) {
                 match runs.last_mut() {
                     Some(last) if last.end == range.start => last.end = range.end,
@@ -110,7 +113,7 @@ impl ValueCheck {
         };
         let singles = runs(Element::F32);
         ValueCheck {
-            disturbed,
+            allow_non_finite,
             doubles: runs(Element::F64),
             only_doubles: singles.is_empty() && bytes.is_empty() && contents.is_empty(),
             singles,
@@ -121,36 +124,36 @@ impl ValueCheck {
 
     /// True when every element is a value of its type.
     pub(crate) fn passes(&self, payload: &[u8]) -> bool {
-        let finite = self.doubles.iter().all(|run| are_finite(&payload[run.clone()]));
-        finite && (self.only_doubles || self.others_pass(payload))
+        let finite = self.doubles.iter().all(|run| all_finite(&payload[run.clone()]));
+        finite && (self.only_doubles || self.non_doubles_pass(payload))
     }
 
     /// The same for elements other than doubles.
-    fn others_pass(&self, payload: &[u8]) -> bool {
+    fn non_doubles_pass(&self, payload: &[u8]) -> bool {
         let mut singles = 0;
         for run in &self.singles {
             for chunk in payload[run.clone()].as_chunks::<4>().0 {
                 singles |= (u32::from_le_bytes(*chunk) & SINGLE_EXPONENT) + SINGLE_ONE;
             }
         }
-        let mut good = singles >> 31 == 0;
+        let mut valid = singles >> 31 == 0;
         for (run, allowed) in &self.bytes {
             for byte in &payload[run.clone()] {
-                good &= allowed[usize::from(byte / 64)] >> (byte % 64) & 1 == 1;
+                valid &= allowed[usize::from(byte / 64)] >> (byte % 64) & 1 == 1;
             }
         }
         for (run, element) in &self.contents {
             let mut each = payload[run.clone()].chunks_exact(element.size());
-            good &= each.all(|bytes| element.content(bytes).is_ok());
+            valid &= each.all(|bytes| element.content(bytes).is_ok());
         }
-        good
+        valid
     }
 
     /// Describes the element of `payload` that does not pass, and why; `what` names what must be finite.
-    pub(crate) fn words(&self, descriptor: &Descriptor, payload: &[u8], what: &str) -> String {
+    pub(crate) fn describe_invalid(&self, descriptor: &Descriptor, payload: &[u8], what: &str) -> String {
         let mut invalid = descriptor.invalid(payload);
-        let found = invalid.find(|one| !self.disturbed || !one.is_number());
-        found.map(|one| one.words(what)).unwrap_or_default()
+        let found = invalid.find(|one| !self.allow_non_finite || !one.is_number());
+        found.map(|one| one.describe(what)).unwrap_or_default()
     }
 }
 
@@ -177,7 +180,7 @@ impl Inputs {
 
 /// Whether an output is seen (see [`Outputs::is_seen`]).
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Look {
+pub(crate) struct SeenFlags {
     /// Whether the current sample is seen.
     pub(crate) now: bool,
     /// Whether any sample of the run is seen.
@@ -188,7 +191,7 @@ pub(crate) struct Look {
 #[derive(Debug)]
 pub struct Outputs {
     pub(crate) payloads: Vec<Payload>,
-    pub(crate) looks: Vec<Look>,
+    pub(crate) seen_flags: Vec<SeenFlags>,
     pub(crate) log: Log,
 }
 
@@ -215,7 +218,7 @@ impl Outputs {
     /// # Panics
     /// When there is no such port.
     pub fn is_seen(&self, port: usize) -> bool {
-        self.looks[port].now
+        self.seen_flags[port].now
     }
 
     /// Writes a line to the participant's log, with the simulated time: `outputs.log(format_args!("the valve opens at {level} m"))`. With
@@ -245,7 +248,7 @@ impl Outputs {
     /// # Panics
     /// When there is no such port.
     pub fn is_ever_seen(&self, port: usize) -> bool {
-        self.looks[port].ever
+        self.seen_flags[port].ever
     }
 }
 
@@ -284,7 +287,7 @@ impl Outputs {
     /// The same, with a log.
     pub(crate) fn of(interface: &super::Interface, log: Log) -> Outputs {
         Outputs {
-            looks: vec![Look { now: true, ever: true }; interface.outputs.len()],
+            seen_flags: vec![SeenFlags { now: true, ever: true }; interface.outputs.len()],
             log,
             payloads: interface
                 .outputs
@@ -310,7 +313,7 @@ impl Outputs {
     /// Sets whether the current sample of output number `port` is seen, and whether any sample is, for a test that drives a participant
     /// by hand.
     pub fn set_seen(&mut self, port: usize, now: bool, ever: bool) {
-        self.looks[port] = Look { now, ever };
+        self.seen_flags[port] = SeenFlags { now, ever };
     }
 }
 

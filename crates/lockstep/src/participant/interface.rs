@@ -116,7 +116,7 @@ impl Interface {
         Ok(())
     }
 
-    /// Describes the first difference to `expected`, the interface required of a participant at this place. Which inputs must be
+    /// Describes the first difference to `expected`, the interface that the plan requires of this participant. Which inputs must be
     /// connected does not count as a difference.
     pub fn difference(&self, expected: &Interface) -> Option<String> {
         if self.kind != expected.kind {

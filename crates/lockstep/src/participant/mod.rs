@@ -11,7 +11,7 @@ mod termination;
 
 use std::sync::Arc;
 
-pub use abreast::{Abreast, Member, Pending, StepAbreast, Stride};
+pub use abreast::{Abreast, BatchStepper, Member, PendingStep, StepAbreast};
 pub(crate) use buffers::ValueCheck;
 pub use buffers::{Inputs, Outputs, Payload};
 pub use handles::{InputPort, OutputPort, Ports};
@@ -85,7 +85,7 @@ pub trait Participant: Send {
 
     /// Called once when the participant's part in the run is over, before it is dropped: at the end of the run, also when the participant
     /// itself or another component has failed, and when another participant replaces it. Not called after a panic, nor for a participant
-    /// that was only asked for its ports. `log` is the participant's log, for its last lines. By default, nothing is done.
+    /// that only reported its ports. `log` is the participant's log, for its last lines. By default, nothing is done.
     fn terminate(&mut self, why: Termination, log: &Log) {
         let _ = (why, log);
     }

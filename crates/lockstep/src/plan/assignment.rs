@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Initial, Link, Observed, Participant, Plan};
-use crate::fault::{Disturbance, Place};
-use crate::link::{Conversion, ReadSchedule, Visibility};
+use crate::fault::{FaultPort, ScheduledSignalFault};
+use crate::link::{Conversion, DeliveryRule, ReadSchedule};
 use crate::participant::Interface;
 use crate::port::Descriptor;
 use crate::time::{SampleTime, Ticks, Timebase};
@@ -51,8 +51,8 @@ pub struct InputLink {
     pub link: u32,
     /// The name of the output, for messages.
     pub from: String,
-    /// The rule of visibility.
-    pub visibility: Visibility,
+    /// The delivery rule.
+    pub visibility: DeliveryRule,
     /// What is read before anything is visible.
     pub initial: Initial,
     /// The number of samples that fit into the link.
@@ -80,7 +80,7 @@ pub struct SeenInput {
     /// Which of its samples are recorded.
     pub observed: Observed,
     /// The signal faults at the input itself.
-    pub faults: Vec<Disturbance>,
+    pub faults: Vec<ScheduledSignalFault>,
 }
 
 /// A producer's view of an output.
@@ -93,7 +93,7 @@ pub struct OutputPort {
     /// The consumers of the output.
     pub consumers: Vec<Consumer>,
     /// The signal faults that are applied to its samples before they are sent.
-    pub faults: Vec<Disturbance>,
+    pub faults: Vec<ScheduledSignalFault>,
 }
 
 /// A producer's view of a link.
@@ -105,8 +105,8 @@ pub struct Consumer {
     pub to: String,
     /// The number of the consuming participant.
     pub participant: u32,
-    /// The rule of visibility.
-    pub visibility: Visibility,
+    /// The delivery rule.
+    pub visibility: DeliveryRule,
     /// The consumer's activations.
     pub sample_time: SampleTime,
     /// Whether the consumer reads sample 0 before anything is visible.
@@ -150,7 +150,7 @@ impl Plan {
                 visibility: link.visibility.clone(),
                 initial: link.initial.clone(),
                 capacity: link.capacity as u32,
-                disturbed: self.disturbed(link.from),
+                disturbed: self.has_output_fault(link.from),
                 conversion: link.conversion.clone(),
             }
         });
@@ -160,7 +160,7 @@ impl Plan {
                 input: port as u32,
                 stream,
                 observed: self.observed(stream as usize),
-                faults: self.disturbances(Place::Input { participant, port }),
+                faults: self.faults_at(FaultPort::Input { participant, port }),
             })
         });
         let outputs = readers.iter().enumerate().map(|(output, readers)| {
@@ -180,7 +180,7 @@ impl Plan {
                 stream,
                 observed: self.observed(stream as usize),
                 consumers: consumers.collect(),
-                faults: self.disturbances(Place::Output {
+                faults: self.faults_at(FaultPort::Output {
                     participant,
                     port: output,
                 }),

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::{Initial, Link, PARTICIPANTS_MAX, Participant, Plan, PlanError, capacity, fields, order};
 use crate::fault::LinkFault;
-use crate::link::{Conversion, Timing, Visibility};
+use crate::link::{Conversion, DeliveryRule, Timing};
 use crate::name::{NAME_MAX, is_name};
 use crate::participant::{Interface, Kind};
 use crate::port::Descriptor;
@@ -40,7 +40,7 @@ pub struct LinkSpec {
     /// The conversion of its samples to fields of the input; without one they are the input, and the two ports have the same description.
     pub conversion: Option<Conversion>,
     /// The name of its random stream besides the name of the input, where the input has several links.
-    pub draws: Option<String>,
+    pub random_stream: Option<String>,
     /// The link faults.
     pub faults: Vec<LinkFault>,
 }
@@ -64,7 +64,7 @@ impl Plan {
             return Err(errors);
         }
         let times = participants.iter().flat_map(|spec| [spec.period, spec.offset]);
-        let timebase = Timebase::measuring(times).map_err(|error| vec![error.into()])?;
+        let timebase = Timebase::from_times(times).map_err(|error| vec![error.into()])?;
         let end = timebase.ceil(duration).map_err(|error| vec![error.into()])?;
         let mut plan = Plan {
             timebase,
@@ -97,36 +97,36 @@ impl Plan {
             });
             first_stream += outputs;
         }
-        let index = Index::of(&plan.participants);
-        let (mut names, mut refused) = (HashSet::new(), HashSet::new());
+        let index = NameIndex::of(&plan.participants);
+        let (mut names, mut rejected) = (HashSet::new(), HashSet::new());
         for spec in links {
             if !names.insert(spec.name.as_str()) {
                 errors.push(PlanError::NameTwice(spec.name.clone()));
             }
-            match plan.link(spec, &index) {
-                Ok(link) => plan.add(link, &mut errors),
+            match plan.build_link(spec, &index) {
+                Ok(link) => plan.add_link(link, &mut errors),
                 Err(error) => {
                     // Its input has a connection, which is the one to be corrected.
-                    refused.extend(index.input(&spec.to));
+                    rejected.extend(index.input(&spec.to));
                     errors.push(error);
                 }
             }
         }
-        errors.extend(plan.unconnected(&refused));
-        errors.extend(fields::check(&plan, &refused));
+        errors.extend(plan.unconnected_inputs(&rejected));
+        errors.extend(fields::check_coverage(&plan, &rejected));
         if errors.is_empty() {
             errors = order::rank(&mut plan);
         }
         if errors.is_empty() { Ok(plan) } else { Err(errors) }
     }
 
-    fn link(&self, spec: &LinkSpec, index: &Index) -> Result<Link, PlanError> {
+    fn build_link(&self, spec: &LinkSpec, index: &NameIndex) -> Result<Link, PlanError> {
         let participant = |name: &str| {
             index.participants.get(name).copied().ok_or_else(|| PlanError::Unknown {
                 link: spec.name.clone(),
                 what: "participant".into(),
                 name: name.to_owned(),
-                known: listed(self.participants.iter().map(|p| p.name.as_str())),
+                known: join_names(self.participants.iter().map(|p| p.name.as_str())),
             })
         };
         let (producer, consumer) = (participant(&spec.from.0)?, participant(&spec.to.0)?);
@@ -135,7 +135,7 @@ impl Plan {
             link: spec.name.clone(),
             what: format!("{direction} of `{name}` called"),
             name: port.to_owned(),
-            known: listed(known),
+            known: join_names(known),
         };
         let outputs = &from.interface.outputs;
         let output = index.outputs[producer].get(&spec.from.1).copied().ok_or_else(|| {
@@ -169,19 +169,19 @@ impl Plan {
                 difference,
             });
         }
-        let initial = initial(spec, from, to, takes.size as usize)?;
+        let initial = initial_value(spec, from, to, takes.size as usize)?;
         // An input with one source names the random stream: the draws stay the same when a connection is renamed or gets more consumers.
-        let draws = match &spec.draws {
+        let random_stream = match &spec.random_stream {
             None => format!("{}.{}", spec.to.0, spec.to.1),
             Some(own) => format!("{}.{}.{own}", spec.to.0, spec.to.1),
         };
-        let visibility = Visibility::new(
+        let visibility = DeliveryRule::new(
             &spec.timing,
             &spec.faults,
             from.sample_time,
             &self.timebase,
             self.seed,
-            &draws,
+            &random_stream,
         )
         .map_err(|source| PlanError::Timing {
             link: spec.name.clone(),
@@ -201,7 +201,7 @@ impl Plan {
         })
     }
 
-    fn add(&mut self, link: Link, errors: &mut Vec<PlanError>) {
+    fn add_link(&mut self, link: Link, errors: &mut Vec<PlanError>) {
         // A link without a conversion must be the only one of its input, so the first link of an input shows whether the input is fed as
         // a whole.
         let first = self.participants[link.to.0].inputs[link.to.1].first();
@@ -221,13 +221,13 @@ impl Plan {
         }
     }
 
-    /// The inputs that need a connection and have none, not even a `refused` one.
-    fn unconnected(&self, refused: &HashSet<(usize, usize)>) -> Vec<PlanError> {
+    /// The inputs that need a connection and have none, not even a `rejected` one.
+    fn unconnected_inputs(&self, rejected: &HashSet<(usize, usize)>) -> Vec<PlanError> {
         let mut errors = Vec::new();
         let mut outputs = None;
         for (number, participant) in self.participants.iter().enumerate() {
             for (input, port) in participant.interface.inputs.iter().enumerate() {
-                if port.required && participant.inputs[input].is_empty() && !refused.contains(&(number, input)) {
+                if port.required && participant.inputs[input].is_empty() && !rejected.contains(&(number, input)) {
                     let outputs = outputs.get_or_insert_with(|| self.outputs_by_payload());
                     errors.push(PlanError::NotConnected {
                         input: self.input_name((number, input)),
@@ -245,9 +245,9 @@ impl Plan {
         let mut outputs: HashMap<&Descriptor, Vec<String>> = HashMap::new();
         for (number, participant) in self.participants.iter().enumerate() {
             for (output, port) in participant.interface.outputs.iter().enumerate() {
-                let named = outputs.entry(&port.descriptor).or_default();
-                if named.len() < SHOWN_MAX {
-                    named.push(self.output_name((number, output)));
+                let names = outputs.entry(&port.descriptor).or_default();
+                if names.len() < SHOWN_MAX {
+                    names.push(self.output_name((number, output)));
                 }
             }
         }
@@ -259,7 +259,7 @@ impl Plan {
 const SHOWN_MAX: usize = 24;
 
 /// The initial value of the link from `from` to `to`, for payloads of `size` bytes.
-fn initial(spec: &LinkSpec, from: &Participant, to: &Participant, size: usize) -> Result<Initial, PlanError> {
+fn initial_value(spec: &LinkSpec, from: &Participant, to: &Participant, size: usize) -> Result<Initial, PlanError> {
     let initial = spec.initial.clone().unwrap_or_else(|| Initial::zero(size));
     match &initial {
         Initial::Value(bytes) if !initial.fits(size) => {
@@ -291,7 +291,7 @@ fn initial(spec: &LinkSpec, from: &Participant, to: &Participant, size: usize) -
     Ok(initial)
 }
 
-fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+fn join_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let mut names = names.into_iter();
     let shown: Vec<String> = names.by_ref().take(SHOWN_MAX).map(|name| format!("`{name}`")).collect();
     match (shown.is_empty(), names.count()) {
@@ -302,19 +302,19 @@ fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
 }
 
 /// The numbers of participants and ports by name, so that a link needs no search.
-struct Index {
+struct NameIndex {
     participants: HashMap<String, usize>,
     inputs: Vec<HashMap<String, usize>>,
     outputs: Vec<HashMap<String, usize>>,
 }
 
-impl Index {
-    fn of(participants: &[Participant]) -> Index {
+impl NameIndex {
+    fn of(participants: &[Participant]) -> NameIndex {
         fn numbers<'a>(names: impl Iterator<Item = &'a String>) -> HashMap<String, usize> {
             names.enumerate().map(|(number, name)| (name.clone(), number)).collect()
         }
         let interfaces = || participants.iter().map(|participant| &participant.interface);
-        Index {
+        NameIndex {
             participants: numbers(participants.iter().map(|participant| &participant.name)),
             inputs: interfaces()
                 .map(|interface| numbers(interface.inputs.iter().map(|port| &port.name)))
@@ -326,7 +326,7 @@ impl Index {
     }
 }
 
-impl Index {
+impl NameIndex {
     /// The numbers of the participant and the input with these names.
     fn input(&self, (participant, input): &(String, String)) -> Option<(usize, usize)> {
         let participant = *self.participants.get(participant)?;
@@ -344,8 +344,8 @@ fn check_participants(specs: &[ParticipantSpec]) -> Vec<PlanError> {
     }
     let mut names = HashSet::new();
     for spec in specs {
-        let begins = spec.name.starts_with(|c: char| c.is_ascii_alphabetic());
-        if !begins || !is_name(&spec.name, NAME_MAX) {
+        let starts_with_letter = spec.name.starts_with(|c: char| c.is_ascii_alphabetic());
+        if !starts_with_letter || !is_name(&spec.name, NAME_MAX) {
             errors.push(PlanError::Name(spec.name.clone()));
         }
         if !names.insert(spec.name.as_str()) {

@@ -3,7 +3,7 @@
 use super::error::{DelayPart, PlanError};
 use super::limits::CAPACITY_MAX;
 use crate::fault::LinkFault;
-use crate::link::{Timing, Visibility};
+use crate::link::{DeliveryRule, Timing};
 use crate::time::SampleTime;
 
 /// The room for samples in flight, so that a producer that waits for room always waits for a consumer that is behind it in simulated
@@ -13,11 +13,11 @@ use crate::time::SampleTime;
 /// holds samples that some activation at or after t reads; the second of them is not visible at t, so it is stamped after t - d, d the
 /// largest delay. With capacity B the sample that finds no room is stamped at least (B - 1) P after that. For (B - 1) P >= d + 2 P its
 /// producer, which works on it at most one period before the stamp, stands after t. So waiting for room leads strictly back in time;
-/// waiting for a sample leads back in time or, at one instant, to a lower rank. There is no circle.
+/// waiting for a sample leads back in time or, at one instant, to a lower rank. So there is no cycle.
 pub(super) fn capacity(
     link: &str,
     (timing, faults): (&Timing, &[LinkFault]),
-    visibility: &Visibility,
+    visibility: &DeliveryRule,
     consumer: SampleTime,
 ) -> Result<usize, PlanError> {
     let (_, delay) = visibility.delay_bounds();
@@ -30,14 +30,14 @@ pub(super) fn capacity(
         return Err(PlanError::Capacity {
             link: link.to_owned(),
             samples: needed,
-            longest: longest(timing, faults),
+            longest: longest_delay_part(timing, faults),
         });
     }
     Ok((needed + (lag as u128).min(64)).min(CAPACITY_MAX) as usize)
 }
 
 /// The longest part of the largest delay of a link, which is the one to be shortened.
-fn longest(timing: &Timing, faults: &[LinkFault]) -> DelayPart {
+fn longest_delay_part(timing: &Timing, faults: &[LinkFault]) -> DelayPart {
     let faults = faults.iter().map(|fault| DelayPart::Fault {
         name: fault.name.clone(),
         extra: fault.extra_delay,
@@ -52,14 +52,14 @@ fn longest(timing: &Timing, faults: &[LinkFault]) -> DelayPart {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fault::Span;
+    use crate::fault::FaultWindow;
     use crate::time::{Rational, Timebase};
 
     #[test]
     fn capacity_error_names_longest_part_of_delay() {
         let second = Rational::from_millis(1000);
         let hour = Rational::from_millis(3_600_000);
-        let refused = |delay: Rational, jitter: Rational, extra: Rational| {
+        let error_for = |delay: Rational, jitter: Rational, extra: Rational| {
             let timing = Timing {
                 delay,
                 jitter,
@@ -67,7 +67,7 @@ mod tests {
             };
             let faults = [LinkFault {
                 name: "late".into(),
-                span: Span {
+                span: FaultWindow {
                     at: second,
                     until: None,
                 },
@@ -75,20 +75,20 @@ mod tests {
                 extra_delay: extra,
                 words: String::new(),
             }];
-            let timebase = Timebase::measuring([Rational::from_millis(1)]).unwrap();
-            let each = SampleTime { offset: 0, period: 1 };
-            let rule = Visibility::new(&timing, &faults, each, &timebase, 1, "b.u").unwrap();
-            let found = capacity("link", (&timing, &faults), &rule, each);
-            found.unwrap_err().to_string()
+            let timebase = Timebase::from_times([Rational::from_millis(1)]).unwrap();
+            let sample_time = SampleTime { offset: 0, period: 1 };
+            let rule = DeliveryRule::new(&timing, &faults, sample_time, &timebase, 1, "b.u").unwrap();
+            let result = capacity("link", (&timing, &faults), &rule, sample_time);
+            result.unwrap_err().to_string()
         };
         for (error, part) in [
-            (refused(hour, second, second), "shorten its delay of 3600 s"),
-            (refused(second, hour, second), "shorten its jitter of 3600 s"),
+            (error_for(hour, second, second), "shorten its delay of 3600 s"),
+            (error_for(second, hour, second), "shorten its jitter of 3600 s"),
             (
-                refused(second, second, hour),
+                error_for(second, second, hour),
                 "shorten the extra delay of 3600 s of the fault `late`",
             ),
-            (refused(hour, hour, hour), "shorten its delay of 3600 s"),
+            (error_for(hour, hour, hour), "shorten its delay of 3600 s"),
         ] {
             assert!(error.contains("connection `link`") && error.contains(part), "{error}");
         }

@@ -1,17 +1,17 @@
-//! Circles in a directed graph.
+//! Strongly connected components of a directed graph.
 
 /// Tarjan's strongly connected components, in reverse topological order, without recursion.
-pub(super) fn strongly_connected(count: usize, arrows: &[(usize, usize)]) -> Vec<Vec<usize>> {
-    const UNSEEN: usize = usize::MAX;
+pub(super) fn strongly_connected(count: usize, edges: &[(usize, usize)]) -> Vec<Vec<usize>> {
+    const UNVISITED: usize = usize::MAX;
     let mut next: Vec<Vec<usize>> = vec![Vec::new(); count];
-    for &(from, to) in arrows {
+    for &(from, to) in edges {
         next[from].push(to);
     }
-    let (mut index, mut low) = (vec![UNSEEN; count], vec![0; count]);
+    let (mut index, mut low) = (vec![UNVISITED; count], vec![0; count]);
     let mut on_stack = vec![false; count];
     let (mut stack, mut components, mut counter) = (Vec::new(), Vec::new(), 0);
     for root in 0..count {
-        if index[root] != UNSEEN {
+        if index[root] != UNVISITED {
             continue;
         }
         let mut work = vec![(root, 0)];
@@ -28,7 +28,7 @@ pub(super) fn strongly_connected(count: usize, arrows: &[(usize, usize)]) -> Vec
             let descend = loop {
                 match next[node].get(position) {
                     None => break None,
-                    Some(&child) if index[child] == UNSEEN => break Some(child),
+                    Some(&child) if index[child] == UNVISITED => break Some(child),
                     Some(&child) => {
                         if on_stack[child] {
                             low[node] = low[node].min(index[child]);

@@ -20,7 +20,7 @@ pub struct Cut {
 
 /// One sample in flight to an input.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Backlog {
+pub struct InFlightSample {
     /// Its index in the output's sequence.
     pub index: u64,
     /// The payload.
@@ -29,7 +29,7 @@ pub struct Backlog {
 
 /// The state of the faults of each port: for each fault, in the order of the plan, the values at which its elements are stuck.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Held {
+pub struct StuckValues {
     /// For each input.
     pub inputs: Vec<Vec<Vec<u8>>>,
     /// For each output.
@@ -43,13 +43,13 @@ pub struct Position {
     pub next: u64,
     /// For each link that feeds an input, in the order of the assignment, the samples that were sent before and that it still reads,
     /// oldest first.
-    pub inputs: Vec<Vec<Backlog>>,
+    pub inputs: Vec<Vec<InFlightSample>>,
     /// For each input without a link, its value; empty where none was set and the input holds zero bytes.
     pub values: Vec<Vec<u8>>,
     /// The value of each output: its newest sample. Empty where there is none yet.
     pub outputs: Vec<Vec<u8>>,
     /// The values at which elements of its ports are stuck.
-    pub held: Held,
+    pub held: StuckValues,
     /// The participant's own saved state. `None`: it keeps the state it has, or, if it has just been created, is initialised at this
     /// instant.
     pub state: Option<Vec<u8>>,
@@ -85,11 +85,11 @@ impl Plan {
     }
 
     /// The samples of link number `link` that its consumer still reads at `cut`, of those that its producer has sent.
-    fn underway(&self, cut: &Cut, link: usize) -> Vec<u64> {
+    fn in_flight(&self, cut: &Cut, link: usize) -> Vec<u64> {
         let link = &self.links[link];
-        let sent = self.samples_before(link.from.0, cut.next[link.from.0]);
+        let sent_count = self.samples_before(link.from.0, cut.next[link.from.0]);
         let consumer = &self.participants[link.to.0];
-        let Some(newest) = sent.checked_sub(1) else {
+        let Some(newest) = sent_count.checked_sub(1) else {
             return Vec::new();
         };
         // From this instant on, an activation reads the newest sample that was sent, or a later one, or none of these.
@@ -104,23 +104,23 @@ impl Plan {
             link.initial == Initial::FirstSample,
         );
         schedule.skip_to(cut.next[link.to.0]);
-        let mut underway: Vec<u64> = Vec::new();
+        let mut in_flight: Vec<u64> = Vec::new();
         while schedule.next_activation() < consumer.activations {
             let t = consumer.sample_time.instant(schedule.next_activation());
             let mut samples = schedule.advance().samples().peekable();
-            if samples.peek().is_some_and(|&first| first >= sent) {
+            if samples.peek().is_some_and(|&first| first >= sent_count) {
                 break;
             }
-            for index in samples.filter(|&index| index < sent) {
-                if underway.last().is_none_or(|&last| last < index) {
-                    underway.push(index);
+            for index in samples.filter(|&index| index < sent_count) {
+                if in_flight.last().is_none_or(|&last| last < index) {
+                    in_flight.push(index);
                 }
             }
             if t >= settled {
                 break;
             }
         }
-        underway
+        in_flight
     }
 
     /// The position of participant number `participant` at `cut`. `sample` reads one sample back from the tape, by the number of its
@@ -138,11 +138,11 @@ impl Plan {
         let mut inputs = Vec::with_capacity(own.inputs.len());
         for &link in own.inputs.iter().flatten() {
             let mut backlog = Vec::new();
-            let (giver, output) = self.links[link].from;
-            let stream = self.participants[giver].first_stream + output as u32;
-            for index in self.underway(cut, link) {
-                let payload = self.sent((giver, output), index, &mut |index| sample(stream, index))?;
-                backlog.push(Backlog { index, payload });
+            let (producer, output) = self.links[link].from;
+            let stream = self.participants[producer].first_stream + output as u32;
+            for index in self.in_flight(cut, link) {
+                let payload = self.sent_sample((producer, output), index, &mut |index| sample(stream, index))?;
+                backlog.push(InFlightSample { index, payload });
             }
             inputs.push(backlog);
         }
@@ -159,7 +159,7 @@ impl Plan {
             inputs,
             values: vec![Vec::new(); own.inputs.len()],
             outputs,
-            held: self.held(cut, participant, &mut sample)?,
+            held: self.stuck_values(cut, participant, &mut sample)?,
             state: None,
         })
     }

@@ -184,7 +184,7 @@ pub enum PlanError {
         /// The longest part of the delay.
         longest: DelayPart,
     },
-    /// A circle of zero-delay links with direct feedthrough.
+    /// A cycle of zero-delay links with direct feedthrough.
     #[error(
         "algebraic loop at t = {t}: {members}. Every member needs the output of the one before it at the same instant. \
          A delay on any one of these connections breaks the loop: {links}"
@@ -201,7 +201,7 @@ pub enum PlanError {
     #[error(
         "the zero-delay connections between sampled participants have too many circles to check: give some of them a delay"
     )]
-    TooManyCircles,
+    TooManyCycles,
 }
 
 fn hint(candidates: &[String]) -> String {

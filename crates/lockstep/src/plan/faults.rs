@@ -1,24 +1,24 @@
 //! Signal faults in a plan: where they act, and the streams that record their effect.
 
-use super::{Cut, Held, Plan, PlanError, Seen};
-use crate::fault::{Disturbance, Effect, Injector, Place, SignalFault, Slot};
+use super::{Cut, Plan, PlanError, Seen, StuckValues};
+use crate::fault::{Effect, FaultPort, Injector, ScheduledSignalFault, SignalFault, Slot};
 use crate::link::{Read, interpolate};
 use crate::port::Descriptor;
 use crate::random::Stream;
 use crate::time::{Rational, TickError, Ticks};
 
 impl Plan {
-    /// Adds signal faults. Inputs then see the disturbed values, and every input that a fault reaches gets a stream of its own on the
+    /// Adds signal faults. Inputs then have the faulty values, and every input that a fault reaches gets a stream of its own on the
     /// tape.
     ///
     /// # Errors
     /// Every fault that is not possible.
-    pub fn disturb(&mut self, faults: Vec<SignalFault>) -> Result<(), Vec<PlanError>> {
+    pub fn add_signal_faults(&mut self, faults: Vec<SignalFault>) -> Result<(), Vec<PlanError>> {
         let mut errors = Vec::new();
         for fault in faults {
             match self.check_fault(&fault) {
                 Ok(()) => {
-                    self.seen.extend(self.reached(fault.place));
+                    self.seen.extend(self.affected_inputs(fault.place));
                     self.faults.push(fault);
                 }
                 Err(reason) => errors.push(PlanError::Fault {
@@ -33,13 +33,13 @@ impl Plan {
     }
 
     /// The payload at `place`.
-    fn descriptor(&self, place: Place) -> Option<&Descriptor> {
+    fn descriptor(&self, place: FaultPort) -> Option<&Descriptor> {
         match place {
-            Place::Input { participant, port } => {
+            FaultPort::Input { participant, port } => {
                 let interface = &self.participants.get(participant)?.interface;
                 Some(&interface.inputs.get(port)?.descriptor)
             }
-            Place::Output { participant, port } => {
+            FaultPort::Output { participant, port } => {
                 let interface = &self.participants.get(participant)?.interface;
                 Some(&interface.outputs.get(port)?.descriptor)
             }
@@ -66,7 +66,7 @@ impl Plan {
                 return Err(format!("`{field}` cannot be stuck at {value}"));
             }
         }
-        if let Place::Input { participant, port } = fault.place
+        if let FaultPort::Input { participant, port } = fault.place
             && self.participants[participant].inputs[port].is_empty()
         {
             let input = self.input_name((participant, port));
@@ -80,13 +80,13 @@ impl Plan {
     }
 
     /// The inputs at which a fault at `place` is visible.
-    fn reached(&self, place: Place) -> Vec<Seen> {
+    fn affected_inputs(&self, place: FaultPort) -> Vec<Seen> {
         match place {
-            Place::Input { participant, port } => vec![Seen {
+            FaultPort::Input { participant, port } => vec![Seen {
                 participant,
                 input: port,
             }],
-            Place::Output { participant, port } => {
+            FaultPort::Output { participant, port } => {
                 let links = self.links.iter().filter(|link| link.from == (participant, port));
                 links
                     .map(|link| Seen {
@@ -104,48 +104,49 @@ impl Plan {
         Ok((self.timebase.ceil(at)?, until))
     }
 
-    pub(super) fn disturbances(&self, place: Place) -> Vec<Disturbance> {
-        let here = self.faults.iter().filter(|fault| fault.place == place);
-        here.filter_map(|fault| {
-            let (from, until) = self.window(fault.span.at, fault.span.until).ok()?;
-            Some(Disturbance {
-                name: fault.name.clone(),
-                from,
-                until,
-                at: fault.span.at.seconds(),
-                slots: fault.slots.clone(),
-                effect: fault.effect.clone(),
-                random: Stream::new(self.seed, &format!("fault {}", fault.name)),
+    pub(super) fn faults_at(&self, place: FaultPort) -> Vec<ScheduledSignalFault> {
+        let own_faults = self.faults.iter().filter(|fault| fault.place == place);
+        own_faults
+            .filter_map(|fault| {
+                let (from, until) = self.window(fault.span.at, fault.span.until).ok()?;
+                Some(ScheduledSignalFault {
+                    name: fault.name.clone(),
+                    from,
+                    until,
+                    at: fault.span.at.seconds(),
+                    slots: fault.slots.clone(),
+                    effect: fault.effect.clone(),
+                    random: Stream::new(self.seed, &format!("fault {}", fault.name)),
+                })
             })
-        })
-        .collect()
+            .collect()
     }
 
     /// Sample `index` of an output as it is sent to consumers, after signal faults; `truth` reads the output's samples from the tape.
-    pub(super) fn sent<E>(
+    pub(super) fn sent_sample<E>(
         &self,
         (participant, port): (usize, usize),
         index: u64,
         truth: &mut impl FnMut(u64) -> Result<Vec<u8>, E>,
     ) -> Result<Vec<u8>, E> {
         let mut payload = truth(index)?;
-        let faults = self.disturbances(Place::Output { participant, port });
+        let faults = self.faults_at(FaultPort::Output { participant, port });
         if let Some(mut injector) = Injector::new(&faults, self.timebase) {
             let instants = self.participants[participant].sample_time;
-            injector.recall(index, instants, &mut *truth)?;
+            injector.restore_stuck_values(index, instants, &mut *truth)?;
             injector.apply(index, instants.instant(index), &mut payload);
         }
         Ok(payload)
     }
 
     /// The value of an input at activation `k` before signal faults at the input. `sample` reads the tape.
-    fn came_in<E>(
+    fn input_value<E>(
         &self,
         (participant, port): (usize, usize),
         k: u64,
         sample: &mut impl FnMut(u32, u64) -> Result<Vec<u8>, E>,
     ) -> Result<Vec<u8>, E> {
-        let descriptor = self.descriptor(Place::Input { participant, port });
+        let descriptor = self.descriptor(FaultPort::Input { participant, port });
         let mut payload = vec![0; descriptor.map_or(0, |descriptor| descriptor.size as usize)];
         let links = &self.participants[participant].inputs[port];
         let conversions = links.iter().filter_map(|&link| self.links[link].conversion.as_ref());
@@ -155,26 +156,26 @@ impl Plan {
             schedule.skip_to(k);
             let link = &self.links[number];
             let stream = self.participants[link.from.0].first_stream + link.from.1 as u32;
-            let mut sent = |index| self.sent(link.from, index, &mut |index| sample(stream, index));
-            let came = match schedule.advance() {
+            let mut sent_sample = |index| self.sent_sample(link.from, index, &mut |index| sample(stream, index));
+            let received = match schedule.advance() {
                 Read::Initial => None,
-                Read::Sample(index) => Some(sent(index)?),
+                Read::Sample(index) => Some(sent_sample(index)?),
                 Read::Between(before, after) => {
                     let t = self.participants[participant].sample_time.instant(k);
                     let weight = link.visibility.weight(t, before, after);
-                    let given = &self.participants[link.from.0].interface.outputs[link.from.1].descriptor;
-                    let (before, after) = (sent(before)?, sent(after)?);
-                    let mut came = before.clone();
-                    interpolate(given, &before, &after, weight, &mut came);
-                    Some(came)
+                    let sent_descriptor = &self.participants[link.from.0].interface.outputs[link.from.1].descriptor;
+                    let (before, after) = (sent_sample(before)?, sent_sample(after)?);
+                    let mut received = before.clone();
+                    interpolate(sent_descriptor, &before, &after, weight, &mut received);
+                    Some(received)
                 }
             };
-            match (&link.conversion, came) {
-                (None, Some(came)) => payload = came,
+            match (&link.conversion, received) {
+                (None, Some(received)) => payload = received,
                 (None, None) => payload = link.initial.payload(payload.len()),
-                (Some(conversion), Some(came)) => conversion.apply(&came, &mut payload),
+                (Some(conversion), Some(received)) => conversion.apply(&received, &mut payload),
                 (Some(conversion), None) => {
-                    conversion.stand_in(&link.initial.payload(payload.len()), &mut payload);
+                    conversion.apply_initial(&link.initial.payload(payload.len()), &mut payload);
                 }
             }
         }
@@ -182,40 +183,40 @@ impl Plan {
     }
 
     /// The state of the faults of a participant's ports at `cut`. `sample` reads the tape.
-    pub(super) fn held<E>(
+    pub(super) fn stuck_values<E>(
         &self,
         cut: &Cut,
         participant: usize,
         sample: &mut impl FnMut(u32, u64) -> Result<Vec<u8>, E>,
-    ) -> Result<Held, E> {
+    ) -> Result<StuckValues, E> {
         let own = &self.participants[participant];
         let (instants, next) = (own.sample_time, cut.next[participant]);
-        let mut held = Held::default();
+        let mut stuck = StuckValues::default();
         for port in 0..own.inputs.len() {
-            let faults = self.disturbances(Place::Input { participant, port });
-            held.inputs.push(match Injector::new(&faults, self.timebase) {
+            let faults = self.faults_at(FaultPort::Input { participant, port });
+            stuck.inputs.push(match Injector::new(&faults, self.timebase) {
                 Some(mut injector) => injector
-                    .recall(next, instants, |k| self.came_in((participant, port), k, sample))?
+                    .restore_stuck_values(next, instants, |k| self.input_value((participant, port), k, sample))?
                     .to_vec(),
                 None => Vec::new(),
             });
         }
         let samples = self.samples_before(participant, next);
         for port in 0..own.interface.outputs.len() {
-            let faults = self.disturbances(Place::Output { participant, port });
+            let faults = self.faults_at(FaultPort::Output { participant, port });
             let stream = own.first_stream + port as u32;
-            held.outputs.push(match Injector::new(&faults, self.timebase) {
+            stuck.outputs.push(match Injector::new(&faults, self.timebase) {
                 Some(mut injector) => injector
-                    .recall(samples, instants, |index| sample(stream, index))?
+                    .restore_stuck_values(samples, instants, |index| sample(stream, index))?
                     .to_vec(),
                 None => Vec::new(),
             });
         }
-        Ok(held)
+        Ok(stuck)
     }
 
-    pub(super) fn disturbed(&self, (participant, port): (usize, usize)) -> bool {
-        let place = Place::Output { participant, port };
+    pub(super) fn has_output_fault(&self, (participant, port): (usize, usize)) -> bool {
+        let place = FaultPort::Output { participant, port };
         self.faults.iter().any(|fault| fault.place == place)
     }
 

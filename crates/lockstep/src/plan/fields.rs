@@ -6,11 +6,11 @@ use super::{Plan, PlanError};
 use crate::port::{Descriptor, Field};
 
 /// The source of an element: a link, and whether it is added to those of other links.
-type Feeder = Option<(usize, bool)>;
+type ElementSource = Option<(usize, bool)>;
 
-/// Elements that are fed twice, and elements of required inputs that are not fed. Which elements of an input a `refused` link would feed
+/// Elements that are fed twice, and elements of required inputs that are not fed. Which elements of an input a `rejected` link would feed
 /// is not known.
-pub(super) fn check(plan: &Plan, refused: &HashSet<(usize, usize)>) -> Vec<PlanError> {
+pub(super) fn check_coverage(plan: &Plan, rejected: &HashSet<(usize, usize)>) -> Vec<PlanError> {
     let mut errors = Vec::new();
     for (number, participant) in plan.participants.iter().enumerate() {
         for (input, links) in participant.inputs.iter().enumerate() {
@@ -18,13 +18,13 @@ pub(super) fn check(plan: &Plan, refused: &HashSet<(usize, usize)>) -> Vec<PlanE
                 let port = &participant.interface.inputs[input];
                 let mut fed = vec![None; port.descriptor.size as usize];
                 for &link in links {
-                    errors.extend(feed(plan, link, &port.descriptor, &mut fed));
+                    errors.extend(register_sources(plan, link, &port.descriptor, &mut fed));
                 }
-                let left = left_out(&port.descriptor, &fed);
-                if port.required && !left.is_empty() && !refused.contains(&(number, input)) {
+                let unfed = unfed_elements(&port.descriptor, &fed);
+                if port.required && !unfed.is_empty() && !rejected.contains(&(number, input)) {
                     errors.push(PlanError::FieldsNotFed {
                         input: plan.input_name((number, input)),
-                        fields: left,
+                        fields: unfed,
                     });
                 }
             }
@@ -34,7 +34,7 @@ pub(super) fn check(plan: &Plan, refused: &HashSet<(usize, usize)>) -> Vec<PlanE
 }
 
 /// Registers the elements that `link` feeds; returns an error for the first one that is fed already, unless both links add.
-fn feed(plan: &Plan, link: usize, descriptor: &Descriptor, fed: &mut [Feeder]) -> Option<PlanError> {
+fn register_sources(plan: &Plan, link: usize, descriptor: &Descriptor, fed: &mut [ElementSource]) -> Option<PlanError> {
     let own = &plan.links[link];
     for pair in own.conversion.iter().flat_map(|conversion| &conversion.pairs) {
         for at in pair.range().step_by(pair.to.element.size()) {
@@ -54,8 +54,8 @@ fn feed(plan: &Plan, link: usize, descriptor: &Descriptor, fed: &mut [Feeder]) -
 }
 
 /// The fields, or elements of them, that no link feeds.
-fn left_out(descriptor: &Descriptor, fed: &[Feeder]) -> Vec<String> {
-    let mut left = Vec::new();
+fn unfed_elements(descriptor: &Descriptor, fed: &[ElementSource]) -> Vec<String> {
+    let mut unfed = Vec::new();
     for field in descriptor.fields.iter().filter(|field| !field.is_padding()) {
         let starts = field.range().step_by(field.element.size()).enumerate();
         let missing: Vec<usize> = starts
@@ -63,12 +63,12 @@ fn left_out(descriptor: &Descriptor, fed: &[Feeder]) -> Vec<String> {
             .map(|(index, _)| index)
             .collect();
         if missing.len() == field.len() {
-            left.push(field.name.clone());
+            unfed.push(field.name.clone());
         } else {
-            left.extend(missing.into_iter().map(|index| field.element_name(index)));
+            unfed.extend(missing.into_iter().map(|index| field.element_name(index)));
         }
     }
-    left
+    unfed
 }
 
 /// The name of the element that starts at byte `at`.

@@ -19,9 +19,9 @@ mod placement;
 
 pub use assignment::{Assignment, Consumer, InputLink, OutputPort, SeenInput};
 pub use build::{LinkSpec, ParticipantSpec};
-pub use cut::{Backlog, Cut, Held, Position};
+pub use cut::{Cut, InFlightSample, Position, StuckValues};
 pub use error::{DelayPart, PlanError};
 pub use limits::PARTICIPANTS_MAX;
 pub use network::{Initial, Link, Participant, Plan, Seen};
 pub use observed::Observed;
-pub use placement::{Placement, place, place_apart};
+pub use placement::{Placement, place, place_separately};

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Observed;
 use crate::fault::{LinkFault, SignalFault};
-use crate::link::{Conversion, ReadSchedule, Timing, Visibility};
+use crate::link::{Conversion, DeliveryRule, ReadSchedule, Timing};
 use crate::participant::Interface;
 use crate::port::Descriptor;
 use crate::time::{Rational, SampleTime, Ticks, Timebase};
@@ -45,7 +45,7 @@ impl Initial {
     }
 }
 
-/// A participant with its place in the plan.
+/// A participant and its data in the plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Participant {
     /// The name, unique in the run.
@@ -81,13 +81,13 @@ pub struct Link {
     pub timing: Timing,
     /// The link faults, as the user wrote them.
     pub faults: Vec<LinkFault>,
-    /// The rule of visibility in ticks.
-    pub visibility: Visibility,
+    /// The delivery rule in ticks.
+    pub visibility: DeliveryRule,
     /// What is read before anything is visible.
     pub initial: Initial,
     /// The conversion of its samples to fields of the input; without one they are the input.
     pub conversion: Option<Conversion>,
-    /// How many samples may be in flight: enough for the delay, so that no circle of participants ever waits for room.
+    /// How many samples may be in flight: enough for the delay, so that participants never wait for room in a cycle.
     pub capacity: usize,
 }
 

@@ -22,14 +22,14 @@ impl Observed {
         end: u64::MAX,
     };
     /// No sample.
-    pub const NOTHING: Observed = Observed {
+    pub const NONE: Observed = Observed {
         every: 1,
         first: 0,
         end: 0,
     };
 
     /// Whether no sample is observed.
-    pub fn is_nothing(self) -> bool {
+    pub fn is_empty(self) -> bool {
         self.first >= self.end
     }
 
@@ -53,8 +53,8 @@ impl Observed {
 
     /// All samples that `self` or `other` observes, and possibly more: every sample where the two differ and neither is empty.
     #[must_use]
-    pub fn or(self, other: Observed) -> Observed {
-        match (self.is_nothing(), other.is_nothing()) {
+    pub fn union(self, other: Observed) -> Observed {
+        match (self.is_empty(), other.is_empty()) {
             (true, _) => other,
             (_, true) => self,
             _ if self == other => self,
@@ -77,14 +77,14 @@ mod tests {
         let of = |part: Observed| (0..40).filter(|&index| part.contains(index)).collect::<Vec<_>>();
         assert_eq!(of(part), [8, 12, 16]);
         assert_eq!(of(Observed::ALL).len(), 40);
-        assert!(of(Observed::NOTHING).is_empty() && Observed::NOTHING.is_nothing());
+        assert!(of(Observed::NONE).is_empty() && Observed::NONE.is_empty());
     }
 
     #[test]
     fn union_contains_samples_of_both() {
         let parts = [
             Observed::ALL,
-            Observed::NOTHING,
+            Observed::NONE,
             Observed {
                 every: 4,
                 first: 2,
@@ -97,9 +97,10 @@ mod tests {
             },
         ];
         for (a, b) in parts.iter().flat_map(|a| parts.iter().map(move |b| (*a, *b))) {
-            let missing = (0..100).find(|&index| (a.contains(index) || b.contains(index)) && !a.or(b).contains(index));
+            let missing =
+                (0..100).find(|&index| (a.contains(index) || b.contains(index)) && !a.union(b).contains(index));
             assert_eq!(missing, None, "{a:?} or {b:?}");
         }
-        assert_eq!(parts[1].or(parts[2]), parts[2]);
+        assert_eq!(parts[1].union(parts[2]), parts[2]);
     }
 }

@@ -1,8 +1,8 @@
 //! The order of activations at one instant, and algebraic loops.
 //!
 //! Only zero-delay links between sampled participants constrain the order of activations at one instant: a continuous output stamped t
-//! was computed one period earlier, and a delayed sample earlier still. A circle of such links is a loop exactly when there is an instant
-//! at which all of its members are activated; otherwise one of them reads an older sample and the circle is open.
+//! was computed one period earlier, and a delayed sample earlier still. A cycle of such links is a loop exactly when there is an instant
+//! at which all of its members are activated; otherwise one of them reads an older sample and the cycle is open.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
@@ -19,7 +19,7 @@ struct Edge {
     link: usize,
 }
 
-const CIRCLES_MAX: usize = 200_000;
+const SEARCH_STEPS_MAX: usize = 200_000;
 
 /// The links that can constrain the order of activations at one instant.
 fn instant_edges(plan: &Plan) -> Vec<Edge> {
@@ -38,23 +38,23 @@ fn instant_edges(plan: &Plan) -> Vec<Edge> {
 
 /// Assigns every participant its rank, or reports the algebraic loops.
 ///
-/// Where a circle is open because its members never share an instant, no rank can satisfy all of its links, and none needs to: those
+/// Where a cycle is open because its members never share an instant, no rank can satisfy all of its links, and none needs to: those
 /// activations are ordered by time. Ranks then follow the remaining links.
 pub(super) fn rank(plan: &mut Plan) -> Vec<PlanError> {
     let edges = instant_edges(plan);
-    let arrows: Vec<_> = edges.iter().map(|edge| (edge.from, edge.to)).collect();
-    let components = strongly_connected(plan.participants.len(), &arrows);
-    let circles = circles(plan, &components, &edges);
+    let edge_ends: Vec<_> = edges.iter().map(|edge| (edge.from, edge.to)).collect();
+    let components = strongly_connected(plan.participants.len(), &edge_ends);
+    let edges_by_component = edges_by_component(plan, &components, &edges);
     let mut errors = Vec::new();
-    for (component, edges) in components.iter().zip(&circles) {
-        errors.extend(loops_in(plan, component, edges));
+    for (component, edges) in components.iter().zip(&edges_by_component) {
+        errors.extend(find_algebraic_loop(plan, component, edges));
     }
     if errors.is_empty() {
-        // Tarjan's algorithm yields components in reverse topological order. Inside an open circle, an activation never shares an instant
+        // Tarjan's algorithm yields components in reverse topological order. Inside an open cycle, an activation never shares an instant
         // with all the others, but some may share one: order those by a local search.
         let mut rank = 0;
-        for (component, edges) in components.iter().zip(&circles).rev() {
-            for member in ordered(plan, component, edges) {
+        for (component, edges) in components.iter().zip(&edges_by_component).rev() {
+            for member in order_members(plan, component, edges) {
                 plan.participants[member].rank = rank;
                 rank += 1;
             }
@@ -64,51 +64,51 @@ pub(super) fn rank(plan: &mut Plan) -> Vec<PlanError> {
 }
 
 /// The edges inside each component, by their first participant, each list in the order of the links.
-fn circles(plan: &Plan, components: &[Vec<usize>], edges: &[Edge]) -> Vec<HashMap<usize, Vec<Edge>>> {
+fn edges_by_component(plan: &Plan, components: &[Vec<usize>], edges: &[Edge]) -> Vec<HashMap<usize, Vec<Edge>>> {
     let mut component_of = vec![0; plan.participants.len()];
     for (number, component) in components.iter().enumerate() {
         component.iter().for_each(|&member| component_of[member] = number);
     }
-    let mut circles = vec![HashMap::new(); components.len()];
+    let mut edges_by_component = vec![HashMap::new(); components.len()];
     for edge in edges
         .iter()
         .filter(|edge| component_of[edge.from] == component_of[edge.to])
     {
-        let inside: &mut HashMap<usize, Vec<Edge>> = &mut circles[component_of[edge.from]];
-        inside.entry(edge.from).or_default().push(*edge);
+        let own: &mut HashMap<usize, Vec<Edge>> = &mut edges_by_component[component_of[edge.from]];
+        own.entry(edge.from).or_default().push(*edge);
     }
-    circles
+    edges_by_component
 }
 
 /// The members of a component in an order that satisfies every pair that ever shares an instant, where such an order exists: of those
 /// that wait for no other one, the first.
-fn ordered(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) -> Vec<usize> {
-    let binds = |edge: &&Edge| {
+fn order_members(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) -> Vec<usize> {
+    let constrains = |edge: &&Edge| {
         let (a, b) = (&plan.participants[edge.from], &plan.participants[edge.to]);
-        let both = a.sample_time.meet(&b.sample_time);
+        let both = a.sample_time.intersection(&b.sample_time);
         edge.from != edge.to && both.is_some_and(|both| both.offset < plan.end)
     };
-    let mut bound: HashMap<usize, Vec<usize>> = HashMap::new();
-    let mut waits_for: HashMap<usize, usize> = HashMap::new();
-    for edge in edges.values().flatten().filter(binds) {
-        bound.entry(edge.from).or_default().push(edge.to);
-        *waits_for.entry(edge.to).or_default() += 1;
+    let mut successors: HashMap<usize, Vec<usize>> = HashMap::new();
+    let mut pending_predecessors: HashMap<usize, usize> = HashMap::new();
+    for edge in edges.values().flatten().filter(constrains) {
+        successors.entry(edge.from).or_default().push(edge.to);
+        *pending_predecessors.entry(edge.to).or_default() += 1;
     }
     let mut rest: BTreeSet<usize> = component.iter().copied().collect();
-    let mut free: BTreeSet<usize> = rest
+    let mut ready: BTreeSet<usize> = rest
         .iter()
-        .filter(|member| !waits_for.contains_key(*member))
+        .filter(|member| !pending_predecessors.contains_key(*member))
         .copied()
         .collect();
     let mut order = Vec::with_capacity(rest.len());
-    while let Some(member) = free.pop_first().or_else(|| rest.first().copied()) {
+    while let Some(member) = ready.pop_first().or_else(|| rest.first().copied()) {
         rest.remove(&member);
         order.push(member);
-        for next in bound.remove(&member).into_iter().flatten() {
-            let left = waits_for.entry(next).or_default();
+        for next in successors.remove(&member).into_iter().flatten() {
+            let left = pending_predecessors.entry(next).or_default();
             *left -= 1;
             if *left == 0 && rest.contains(&next) {
-                free.insert(next);
+                ready.insert(next);
             }
         }
     }
@@ -116,17 +116,17 @@ fn ordered(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) 
 }
 
 /// Returns the first cycle found in a component whose members have an instant in common.
-fn loops_in(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) -> Option<PlanError> {
+fn find_algebraic_loop(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) -> Option<PlanError> {
     let mut search = Search {
         plan,
         edges,
         path: Vec::new(),
-        passed: HashSet::new(),
+        on_path: HashSet::new(),
         steps: 0,
     };
     for &start in component {
         let all = plan.participants[start].sample_time;
-        match search.from(start, start, all) {
+        match search.extend_path(start, start, all) {
             Ok(()) => {}
             Err(error) => return Some(error),
         }
@@ -139,14 +139,14 @@ struct Search<'a> {
     edges: &'a HashMap<usize, Vec<Edge>>,
     path: Vec<Edge>,
     /// The participants that the edges of the path lead to.
-    passed: HashSet<usize>,
+    on_path: HashSet<usize>,
     steps: usize,
 }
 
 impl Search<'_> {
     /// Follows edges from `at`, carrying the instants that the path's members share; members below `start` have already been used as
     /// starting points.
-    fn from(&mut self, start: usize, at: usize, shared: SampleTime) -> Result<(), PlanError> {
+    fn extend_path(&mut self, start: usize, at: usize, shared: SampleTime) -> Result<(), PlanError> {
         for edge in self
             .edges
             .get(&at)
@@ -155,31 +155,31 @@ impl Search<'_> {
             .filter(|edge| edge.to >= start)
         {
             self.steps += 1;
-            if self.steps > CIRCLES_MAX {
-                return Err(PlanError::TooManyCircles);
+            if self.steps > SEARCH_STEPS_MAX {
+                return Err(PlanError::TooManyCycles);
             }
             if edge.to == start {
                 self.path.push(*edge);
-                return Err(self.describe(shared));
+                return Err(self.loop_error(shared));
             }
-            if self.passed.contains(&edge.to) {
+            if self.on_path.contains(&edge.to) {
                 continue;
             }
-            let Some(shared) = shared.meet(&self.plan.participants[edge.to].sample_time) else {
+            let Some(shared) = shared.intersection(&self.plan.participants[edge.to].sample_time) else {
                 continue;
             };
             if shared.offset < self.plan.end {
                 self.path.push(*edge);
-                self.passed.insert(edge.to);
-                self.from(start, edge.to, shared)?;
+                self.on_path.insert(edge.to);
+                self.extend_path(start, edge.to, shared)?;
                 self.path.pop();
-                self.passed.remove(&edge.to);
+                self.on_path.remove(&edge.to);
             }
         }
         Ok(())
     }
 
-    fn describe(&self, shared: SampleTime) -> PlanError {
+    fn loop_error(&self, shared: SampleTime) -> PlanError {
         let name = |participant: usize| self.plan.participants[participant].name.as_str();
         let mut members = vec![name(self.path[0].from)];
         members.extend(self.path.iter().map(|edge| name(edge.to)));

@@ -26,7 +26,7 @@ pub struct Placement {
 /// Chooses a core for every participant out of `cores`, the numbers this process may use.
 pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
     let count = plan.participants.len();
-    let groups = turn_taking(plan);
+    let groups = alternating_groups(plan);
     let names = |group: &[usize]| -> String {
         group
             .iter()
@@ -44,9 +44,9 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
         };
     }
     if cores.len() > count
-        && let Some(apart) = place_apart(plan, cores)
+        && let Some(separate) = place_separately(plan, cores)
     {
-        return apart;
+        return separate;
     }
     // The group with the most work first, onto the core with the least work so far; the number of activations stands for the work.
     let work = |group: &[usize]| {
@@ -58,8 +58,8 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
     let mut by_work: Vec<&Vec<usize>> = groups.iter().collect();
     by_work.sort_by_key(|group| std::cmp::Reverse(work(group)));
     let mut load = vec![0_u64; cores.len()];
-    let mut own = vec![None; count];
-    let mut parts = vec![Vec::new(); cores.len()];
+    let mut core_of = vec![None; count];
+    let mut groups_on_core = vec![Vec::new(); cores.len()];
     for group in by_work {
         // The last core is the first choice, because core 0 serves most interrupts and the recorder.
         let core = (0..cores.len())
@@ -67,10 +67,10 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
             .min_by_key(|&core| load[core])
             .expect("there are cores");
         load[core] += work(group);
-        group.iter().for_each(|&member| own[member] = Some(cores[core]));
-        parts[core].push(names(group));
+        group.iter().for_each(|&member| core_of[member] = Some(cores[core]));
+        groups_on_core[core].push(names(group));
     }
-    let listed: Vec<String> = parts
+    let core_texts: Vec<String> = groups_on_core
         .iter()
         .zip(cores)
         .filter(|(groups, _)| !groups.is_empty())
@@ -79,13 +79,13 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
     let reason = format!(
         "{} cores for {count} participants: participants that alternate share a core ({})",
         cores.len(),
-        listed.join("; ")
+        core_texts.join("; ")
     );
     let mut on_core: HashMap<Option<usize>, usize> = HashMap::new();
-    own.iter().for_each(|core| *on_core.entry(*core).or_default() += 1);
-    let sharing = own.iter().map(|core| on_core[core]).collect();
+    core_of.iter().for_each(|core| *on_core.entry(*core).or_default() += 1);
+    let sharing = core_of.iter().map(|core| on_core[core]).collect();
     Placement {
-        cores: own,
+        cores: core_of,
         sharing,
         groups,
         reason,
@@ -95,28 +95,28 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
 /// Assigns every participant its own core out of `cores`, for participants that spin: one that spins on a shared core keeps that core
 /// from the participant it waits for. Where there is no spare core, the recorder shares the first one. `None` with fewer cores than
 /// participants.
-pub fn place_apart(plan: &Plan, cores: &[usize]) -> Option<Placement> {
+pub fn place_separately(plan: &Plan, cores: &[usize]) -> Option<Placement> {
     let count = plan.participants.len();
     let spare = cores.len().checked_sub(count)?;
     let own = cores.iter().skip(spare.min(1)).take(count);
     Some(Placement {
         cores: own.map(|&core| Some(core)).collect(),
         sharing: vec![1; count],
-        groups: turn_taking(plan),
+        groups: alternating_groups(plan),
         reason: format!("{} cores for {count} participants: a core each, spinning", cores.len()),
     })
 }
 
-/// The groups that alternate: circles of links whose delay is too short for both ends to work at the same time. A link allows that when
+/// The groups that alternate: cycles of links whose delay is too short for both ends to work at the same time. A link allows that when
 /// its delay is at least half the longer of the two periods.
-fn turn_taking(plan: &Plan) -> Vec<Vec<usize>> {
-    let tight = plan.links.iter().filter(|link| {
+fn alternating_groups(plan: &Plan) -> Vec<Vec<usize>> {
+    let short_links = plan.links.iter().filter(|link| {
         let periods = [link.from.0, link.to.0].map(|end| plan.participants[end].sample_time.period);
         // In a wider type: half a period of one tick is not a whole tick, and twice a long delay may exceed the range of ticks.
         2 * i128::from(link.visibility.delay_bounds().0) < i128::from(periods[0].max(periods[1]))
     });
-    let arrows: Vec<(usize, usize)> = tight.map(|link| (link.from.0, link.to.0)).collect();
-    let mut groups = strongly_connected(plan.participants.len(), &arrows);
+    let edges: Vec<(usize, usize)> = short_links.map(|link| (link.from.0, link.to.0)).collect();
+    let mut groups = strongly_connected(plan.participants.len(), &edges);
     groups.iter_mut().for_each(|group| group.sort_unstable());
     groups.sort_unstable();
     groups

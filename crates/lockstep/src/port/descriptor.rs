@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::enumeration::{self, EnumValue};
 use super::{Element, InvalidValue};
-use crate::name::{shown, steers};
+use crate::name::{escape_controls, is_control_or_direction_mark};
 
 /// One named field of a payload.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -76,20 +76,27 @@ impl Field {
     }
 
     /// Refuses a name, unit or frame with a control character: they appear in messages, file names and pages.
-    fn steered(&self, message: &str) -> Result<(), DescriptorError> {
+    fn reject_control_characters(&self, message: &str) -> Result<(), DescriptorError> {
         let texts = [("name", &self.name), ("unit", &self.unit), ("frame", &self.frame)];
-        match texts.into_iter().find(|(_, text)| text.contains(steers)) {
+        match texts
+            .into_iter()
+            .find(|(_, text)| text.contains(is_control_or_direction_mark))
+        {
             None => Ok(()),
             Some((what, text)) => Err(DescriptorError::Text {
                 message: message.to_owned(),
-                text: format!("field `{}`: its {what} `{}`", shown(&self.name), shown(text)),
+                text: format!(
+                    "field `{}`: its {what} `{}`",
+                    escape_controls(&self.name),
+                    escape_controls(text)
+                ),
             }),
         }
     }
 
     /// What is wrong with element `index` of `payload`, if anything is: a number that is not finite, a truth value that is neither 0 nor 1,
     /// a value of an enumeration that has no name, a text that is not UTF-8, a length beyond the room.
-    fn mistake(&self, payload: &[u8], index: usize) -> Option<InvalidValue> {
+    fn invalid_element(&self, payload: &[u8], index: usize) -> Option<InvalidValue> {
         if self.element.room().is_some() {
             let content = self.element.content(&payload[self.start(index)..]);
             return content
@@ -139,7 +146,7 @@ impl fmt::Display for Field {
             write!(f, "{:?}", self.shape)?;
         }
         if !self.values.is_empty() {
-            write!(f, " of {}", enumeration::words(&self.values))?;
+            write!(f, " of {}", enumeration::describe_values(&self.values))?;
         }
         if self.element.is_number() {
             write!(f, " in {}", self.unit)?;
@@ -209,8 +216,8 @@ impl Descriptor {
 
     /// Checks the descriptor that a foreign participant reports, so that later code can rely on every offset.
     pub fn validate(&self) -> Result<(), DescriptorError> {
-        if self.name.contains(steers) {
-            let message = shown(&self.name);
+        if self.name.contains(is_control_or_direction_mark) {
+            let message = escape_controls(&self.name);
             return Err(DescriptorError::Name { message });
         }
         if self.size == 0 || self.size > Self::MAX_SIZE {
@@ -224,11 +231,11 @@ impl Descriptor {
             let refuse = |reason| {
                 Err(DescriptorError::Field {
                     message: self.name.clone(),
-                    field: shown(&field.name),
+                    field: escape_controls(&field.name),
                     reason,
                 })
             };
-            field.steered(&self.name)?;
+            field.reject_control_characters(&self.name)?;
             if field.name.is_empty() {
                 return refuse("a field needs a name");
             }
@@ -244,7 +251,7 @@ impl Descriptor {
                 Some(0) if field.element.size() > 0 => return refuse("the shape has a zero in it"),
                 Some(bytes) => bytes,
             };
-            if let Some(reason) = enumeration::mistake(field.element, &field.unit, &field.values) {
+            if let Some(reason) = enumeration::find_error(field.element, &field.unit, &field.values) {
                 return refuse(reason);
             }
             if field.element.room() == Some(0) || bytes > u64::from(Self::MAX_SIZE) && field.element.room().is_some() {
@@ -278,7 +285,7 @@ impl Descriptor {
 
     /// Resolves `name`: a field (`q`) or one of its elements (`q[3]`, `R[0][2]`), with the selected elements, row-major. `None` when
     /// the payload has nothing of that name.
-    pub fn named(&self, name: &str) -> Option<(&Field, std::ops::Range<usize>)> {
+    pub fn resolve(&self, name: &str) -> Option<(&Field, std::ops::Range<usize>)> {
         if let Some(field) = self.field(name) {
             return Some((field, 0..field.len()));
         }
@@ -329,7 +336,7 @@ impl Descriptor {
     /// room.
     pub fn invalid(&self, payload: &[u8]) -> impl Iterator<Item = InvalidValue> {
         let elements = (self.fields.iter()).flat_map(|field| (0..field.len()).map(move |index| (field, index)));
-        elements.filter_map(|(field, index)| field.mistake(payload, index))
+        elements.filter_map(|(field, index)| field.invalid_element(payload, index))
     }
 
     /// Describes the first difference between two descriptors, for a user who connected the wrong ports.
@@ -384,10 +391,10 @@ mod tests {
         assert_eq!(descriptor.validate(), Ok(()));
         for field in &descriptor.fields {
             for index in 0..field.len() {
-                let found = descriptor.named(&field.element_name(index));
+                let found = descriptor.resolve(&field.element_name(index));
                 assert_eq!(found, Some((field, index..index + 1)));
             }
-            assert_eq!(descriptor.named(&field.name), Some((field, 0..field.len())));
+            assert_eq!(descriptor.resolve(&field.name), Some((field, 0..field.len())));
         }
         for (name, element, padding) in [
             ("padding", Element::U8, true),
@@ -422,7 +429,7 @@ mod tests {
             "[0]",
             "row[99999999999]",
         ] {
-            assert_eq!(descriptor.named(name), None, "{name}");
+            assert_eq!(descriptor.resolve(name), None, "{name}");
         }
     }
 }

@@ -80,7 +80,7 @@ impl Element {
     }
 
     /// Whether it is a floating-point number.
-    pub const fn is_decimal(self) -> bool {
+    pub const fn is_float(self) -> bool {
         matches!(self, Element::F64 | Element::F32)
     }
 
@@ -117,14 +117,14 @@ impl Element {
             Element::Bytes(room) => matches!(other, Element::Bytes(least) if least <= room),
             _ if other.room().is_some() => false,
             Element::Bool | Element::Enum => other == self,
-            Element::F64 => other.is_decimal() || within((-(1 << 53), 1 << 53)),
+            Element::F64 => other.is_float() || within((-(1 << 53), 1 << 53)),
             Element::F32 => other == Element::F32 || within((-(1 << 24), 1 << 24)),
             _ => self.range().is_some_and(within),
         }
     }
 
     /// One element of an integer type, exactly; 0 for texts and bytes. `bytes` starts at the element.
-    pub fn whole(self, bytes: &[u8]) -> i128 {
+    pub fn to_integer(self, bytes: &[u8]) -> i128 {
         if self.room().is_some() {
             return 0;
         }

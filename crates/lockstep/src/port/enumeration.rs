@@ -65,7 +65,7 @@ impl InvalidValue {
     pub(super) fn new(name: String, element: Element, values: &[EnumValue], value: f64) -> InvalidValue {
         let allowed = match element {
             Element::Bool => Some("a bool is 0 or 1".to_owned()),
-            Element::Enum => Some(format!("its values are {}", words(values))),
+            Element::Enum => Some(format!("its values are {}", describe_values(values))),
             _ => None,
         };
         InvalidValue {
@@ -92,7 +92,7 @@ impl InvalidValue {
     }
 
     /// `q = NaN: a sample must be finite`, `open = 2: a bool is 0 or 1`; `what` names what must be finite.
-    pub fn words(&self, what: &str) -> String {
+    pub fn describe(&self, what: &str) -> String {
         let rule = match &self.allowed {
             Some(allowed) => allowed.clone(),
             None => format!("{what} must be finite"),
@@ -105,7 +105,7 @@ impl InvalidValue {
 }
 
 /// `closed (0), open (1)`
-pub(super) fn words(values: &[EnumValue]) -> String {
+pub(super) fn describe_values(values: &[EnumValue]) -> String {
     let each: Vec<String> = (values.iter())
         .map(|named| format!("{} ({})", named.name, named.value))
         .collect();
@@ -124,7 +124,7 @@ pub(super) fn canonical(values: &[EnumValue]) -> String {
 }
 
 /// What is wrong with the values and the unit of a field, which may come from a foreign participant.
-pub(super) fn mistake(element: Element, unit: &str, values: &[EnumValue]) -> Option<&'static str> {
+pub(super) fn find_error(element: Element, unit: &str, values: &[EnumValue]) -> Option<&'static str> {
     if !element.is_number() && unit != "1" {
         return Some("a bool, an enumeration, a text and bytes have no unit: write 1");
     }

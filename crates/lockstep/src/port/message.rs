@@ -339,17 +339,17 @@ mod tests {
         assert!(spoil(|d| d.fields[2].name = "table".into()).contains("twice"));
         assert!(spoil(|d| d.fields[0].shape = vec![u32::MAX, u32::MAX, u32::MAX]).contains("too large"));
         assert!(spoil(|d| d.fields[0].shape = vec![0]).contains("zero"));
-        let said = spoil(|d| d.fields[1].name = "q\n".into());
+        let error = spoil(|d| d.fields[1].name = "q\n".into());
         assert!(
-            said.contains(r"field `q\u{a}`: its name `q\u{a}` has a control character"),
-            "{said}"
+            error.contains(r"field `q\u{a}`: its name `q\u{a}` has a control character"),
+            "{error}"
         );
-        let said = spoil(|d| d.fields[1].frame = "\u{1b}[2J".into());
+        let error = spoil(|d| d.fields[1].frame = "\u{1b}[2J".into());
         assert!(
-            said.contains(r"its frame `\u{1b}[2J` has a control character"),
-            "{said}"
+            error.contains(r"its frame `\u{1b}[2J` has a control character"),
+            "{error}"
         );
-        let said = spoil(|d| d.name = "A\u{202e}".into());
-        assert!(said.contains(r"message `A\u{202e}`"), "{said}");
+        let error = spoil(|d| d.name = "A\u{202e}".into());
+        assert!(error.contains(r"message `A\u{202e}`"), "{error}");
     }
 }

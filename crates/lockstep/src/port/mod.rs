@@ -3,8 +3,8 @@
 mod descriptor;
 mod element;
 mod enumeration;
+mod enumeration_macro;
 mod message;
-mod named;
 mod room;
 
 pub use descriptor::{Descriptor, DescriptorError, Field};

@@ -109,7 +109,7 @@ impl Element {
             Element::Bytes(room) => {
                 let room = room as usize;
                 let (length, data) = bytes[..Self::LENGTH + room].split_at(Self::LENGTH);
-                let length = Element::U32.whole(length) as usize;
+                let length = Element::U32.to_integer(length) as usize;
                 if length > room {
                     return Err(format!("its length is {length}, and it has room for {room} bytes"));
                 }
@@ -331,7 +331,7 @@ mod tests {
         let spoilt = |changes: &[(usize, u8)]| {
             let mut payload = Payload::of(&report());
             changes.iter().for_each(|&(at, byte)| payload.bytes_mut()[at] = byte);
-            let found = check.words(&descriptor, payload.bytes(), "a sample");
+            let found = check.describe_invalid(&descriptor, payload.bytes(), "a sample");
             assert_eq!(check.passes(payload.bytes()), found.is_empty());
             assert_eq!(
                 bytemuck::checked::try_from_bytes::<Report>(payload.bytes()).is_ok(),

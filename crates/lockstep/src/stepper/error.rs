@@ -1,7 +1,7 @@
 //! Why a participant's activation failed.
 
 use crate::participant::Failure;
-use crate::transport::Broken;
+use crate::transport::TransportError;
 
 /// Why an activation cannot be completed. The error names the component at fault.
 #[derive(Debug, thiserror::Error)]
@@ -34,7 +34,7 @@ pub enum StepError {
         /// `from X`, `to Y` or `to the recorder`.
         way: String,
         /// What happened.
-        source: Broken,
+        source: TransportError,
     },
 }
 

@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use super::StepError;
-use super::between::Between;
+use super::interpolator::Interpolator;
 use super::source::Source;
 use crate::fault::Injector;
-use crate::link::{Hold, Joined, Read, ReadSchedule};
+use crate::link::{Hold, PreparedConversion, Read, ReadSchedule};
 use crate::participant::{Inputs, Payload, ValueCheck};
-use crate::plan::{Assignment, Backlog, Initial, InputLink, Observed, SeenInput};
+use crate::plan::{Assignment, InFlightSample, Initial, InputLink, Observed, SeenInput};
 use crate::port::{Descriptor, Field};
 use crate::time::{SampleTime, Ticks, Timebase};
 use crate::transport::Receiver;
@@ -19,15 +19,15 @@ pub(super) struct InputState {
     pub(super) port: usize,
     source: Source,
     schedule: ReadSchedule,
-    /// What the current activation reads, while it is not there yet: the schedule is asked once.
+    /// The read of the current activation, while its samples are missing: the schedule advances once per activation.
     due: Option<Read>,
     /// The value of the input where no sample is read.
     initial: Vec<u8>,
     shows_initial: bool,
     /// The conversion of samples to fields of the input, and the newest sample. Without one, samples are the input's payload.
-    conversion: Option<(Joined, Payload)>,
+    conversion: Option<(PreparedConversion, Payload)>,
     /// The interpolation between samples, if the link has it.
-    between: Option<Between>,
+    interpolator: Option<Interpolator>,
 }
 
 impl InputState {
@@ -38,7 +38,7 @@ impl InputState {
         next: u64,
         timebase: Timebase,
         receiver: Box<dyn Receiver>,
-        backlog: Vec<Backlog>,
+        backlog: Vec<InFlightSample>,
     ) -> InputState {
         let mut schedule = ReadSchedule::new(link.visibility.clone(), consumer, link.initial == Initial::FirstSample);
         schedule.skip_to(next);
@@ -52,7 +52,8 @@ impl InputState {
             shows_initial: false,
             conversion: conversion(link, descriptor)
                 .map(|conversion| (conversion, Payload::zeroed(message.size as usize))),
-            between: (link.visibility.hold() == Hold::Linear).then(|| Between::new(message, link.visibility.clone())),
+            interpolator: (link.visibility.hold() == Hold::Linear)
+                .then(|| Interpolator::new(message, link.visibility.clone())),
         }
     }
 
@@ -80,17 +81,17 @@ impl InputState {
             self.shows_initial = true;
             return Ok(None);
         };
-        let place = match &mut self.conversion {
+        let target = match &mut self.conversion {
             Some((_, sample)) => sample.bytes_mut(),
             None => payload,
         };
-        if let Some(between) = &mut self.between {
-            let missing = between.fetch(&mut self.source, read, t, place)?;
+        if let Some(interpolator) = &mut self.interpolator {
+            let missing = interpolator.fetch(&mut self.source, read, t, target)?;
             self.shows_initial &= missing.is_some();
             return Ok(missing);
         }
-        if self.source.is_behind(index) {
-            if !self.source.receive_to(index, place)? {
+        if self.source.is_missing(index) {
+            if !self.source.receive_to(index, target)? {
                 return Ok(Some(index));
             }
             self.shows_initial = false;
@@ -101,17 +102,17 @@ impl InputState {
 
 /// The conversion of samples of `link` to fields of an input that takes `takes`; none where the samples are the payload byte for byte,
 /// even if the names differ.
-fn conversion(link: &InputLink, takes: &Descriptor) -> Option<Joined> {
-    let joined = Joined::new(link.conversion.as_ref()?);
-    let same = joined.is_nothing(link.message(takes), takes) && keeps_good(link, &joined, takes);
+fn conversion(link: &InputLink, takes: &Descriptor) -> Option<PreparedConversion> {
+    let joined = PreparedConversion::new(link.conversion.as_ref()?);
+    let same = joined.is_identity(link.message(takes), takes) && preserves_validity(link, &joined, takes);
     (!same).then_some(joined)
 }
 
 /// Whether valid samples of `link`, converted by `joined`, always make an input that takes `takes` valid. Enumerations that accept each
 /// other's values need not have the same ones, and an interpolated value between two numbers need not be a number.
-fn keeps_good(link: &InputLink, joined: &Joined, takes: &Descriptor) -> bool {
+fn preserves_validity(link: &InputLink, joined: &PreparedConversion, takes: &Descriptor) -> bool {
     let number = |field: &Field| field.element.is_number();
-    joined.keeps_values() && link.visibility.hold() != Hold::Linear && takes.fields.iter().all(number)
+    joined.only_copies() && link.visibility.hold() != Hold::Linear && takes.fields.iter().all(number)
 }
 
 /// An input that is assembled from the samples of its links.
@@ -122,7 +123,7 @@ pub(super) struct Assembled {
     descriptor: Descriptor,
     values: ValueCheck,
     /// Whether the input is valid whenever the samples of its links are, which are checked on receipt.
-    keeps_good: bool,
+    preserves_validity: bool,
 }
 
 impl Assembled {
@@ -144,7 +145,7 @@ impl Assembled {
                 assembled.push(Assembled {
                     port,
                     links,
-                    keeps_good: joined.all(|(link, joined)| keeps_good(link, joined, descriptor)),
+                    preserves_validity: joined.all(|(link, joined)| preserves_validity(link, joined, descriptor)),
                     values: ValueCheck::new(descriptor, own.iter().any(|link| link.disturbed)),
                     descriptor: descriptor.clone(),
                 });
@@ -162,19 +163,19 @@ impl Assembled {
         }
         for link in own {
             match &link.conversion {
-                Some((conversion, _)) if link.shows_initial => conversion.stand_in(&link.initial, payload),
+                Some((conversion, _)) if link.shows_initial => conversion.apply_initial(&link.initial, payload),
                 Some((conversion, sample)) => conversion.apply(sample.bytes(), payload),
                 None => {}
             }
         }
-        let good = self.keeps_good && own.iter().all(|link| !link.shows_initial);
+        let good = self.preserves_validity && own.iter().all(|link| !link.shows_initial);
         if !good && !self.values.passes(payload) {
-            let from: Vec<&str> = own.iter().map(|link| link.source.from()).collect();
+            let from: Vec<&str> = own.iter().map(|link| link.source.output_name()).collect();
             return Err(StepError::BadSample {
                 from: from.join("`, `"),
                 what: format!(
                     "what its connections turn into {}",
-                    self.values.words(&self.descriptor, payload, "an input")
+                    self.values.describe_invalid(&self.descriptor, payload, "an input")
                 ),
             });
         }
@@ -188,7 +189,7 @@ pub(super) struct SeenState {
     pub(super) stream: u32,
     pub(super) observed: Observed,
     /// The value before signal faults, kept while the buffer holds the value after them.
-    came_in: Payload,
+    received: Payload,
     pub(super) injector: Option<Injector>,
 }
 
@@ -198,22 +199,22 @@ impl SeenState {
             port: seen.input as usize,
             stream: seen.stream,
             observed: seen.observed,
-            came_in: Payload::zeroed(descriptor.size as usize),
+            received: Payload::zeroed(descriptor.size as usize),
             injector: Injector::new(&seen.faults, timebase),
         }
     }
 
     /// Restores `payload` to the value before signal faults. To be called before new samples are received.
-    pub(super) fn undo(&self, payload: &mut [u8]) {
+    pub(super) fn remove_faults(&self, payload: &mut [u8]) {
         if self.injector.is_some() {
-            payload.copy_from_slice(self.came_in.bytes());
+            payload.copy_from_slice(self.received.bytes());
         }
     }
 
     /// Applies signal faults to the received value, as activation `k` at `t` sees it. To be called once per activation.
-    pub(super) fn disturb(&mut self, k: u64, t: Ticks, payload: &mut [u8]) {
+    pub(super) fn inject_faults(&mut self, k: u64, t: Ticks, payload: &mut [u8]) {
         if let Some(injector) = &mut self.injector {
-            self.came_in.bytes_mut().copy_from_slice(payload);
+            self.received.bytes_mut().copy_from_slice(payload);
             injector.apply(k, t, payload);
         }
     }

@@ -4,30 +4,30 @@
 //! It never blocks: when it cannot continue it returns what it waits for, and its caller decides how to wait. The single-process loop,
 //! the threads and the processes over shared memory all drive this same code.
 
-mod between;
+mod deferred;
 mod error;
-mod held;
+mod hold;
 mod input;
-mod life;
+mod interpolator;
+mod lifecycle;
 mod output;
-mod parked;
 mod position;
 mod progress;
-mod rest;
+mod resume;
 mod source;
 mod step;
 mod termination;
 
 pub use error::{PositionError, StepError};
-pub use position::settle;
-pub use progress::{Ends, Progress, Wait};
+pub use position::prepare_to_resume;
+pub use progress::{LinkEnds, Progress, Wait};
 pub use termination::terminate;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use input::{Assembled, InputState, SeenState};
-use output::{ConsumerState, Disturbed, OutputState};
-use progress::{Orders, Parked, Phase};
+use output::{ConsumerState, FaultInjection, OutputState};
+use progress::{DeferredStep, Phase, Requests};
 
 use crate::fault::Injector;
 use crate::participant::{Failure, Inputs, Kind, Log, Outputs, Participant, ValueCheck};
@@ -53,20 +53,20 @@ pub struct Stepper {
     /// The period, s.
     period_s: f64,
     /// An activation and its instant, s: the end of one is the beginning of the next.
-    known_s: (u64, f64),
+    known_instant_s: (u64, f64),
     /// The next activation.
     next: u64,
     /// The sample that the output buffers hold.
     sample: u64,
     initialised: bool,
-    orders: Orders,
+    requests: Requests,
     phase: Phase,
-    parked: Parked,
+    deferred: DeferredStep,
 }
 
 impl Stepper {
-    /// A stepper at rest before its first activation, with a horizon that does not allow any activation yet.
-    pub fn new(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends) -> Stepper {
+    /// A paused stepper before its first activation, with a horizon that does not allow any activation yet.
+    pub fn new(participant: Box<dyn Participant>, assignment: Assignment, ends: LinkEnds) -> Stepper {
         let nothing = Position {
             inputs: vec![Vec::new(); assignment.inputs.len()],
             values: vec![Vec::new(); assignment.interface.inputs.len()],
@@ -75,7 +75,7 @@ impl Stepper {
         Stepper::at(participant, assignment, ends, nothing)
     }
 
-    fn at(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends, position: Position) -> Stepper {
+    fn at(participant: Box<dyn Participant>, assignment: Assignment, ends: LinkEnds, position: Position) -> Stepper {
         let interface = &assignment.interface;
         let receivers = ends.receivers.into_iter().zip(&assignment.inputs).zip(position.inputs);
         let (next, held, sample_time) = (position.next, position.held, assignment.sample_time);
@@ -114,25 +114,25 @@ impl Stepper {
                 .zip(&output.consumers)
                 .map(|(s, c)| ConsumerState::new(c, s, first_stamp))
                 .collect(),
-            disturbed: Injector::new(&output.faults, assignment.timebase)
-                .map(|injector| Disturbed::new(injector, port.descriptor.size as usize)),
-            served: 0,
+            fault_injection: Injector::new(&output.faults, assignment.timebase)
+                .map(|injector| FaultInjection::new(injector, port.descriptor.size as usize)),
+            consumers_done: 0,
         });
         let mut outputs: Vec<_> = outputs.collect();
         let mut output_buffers = Outputs::of(interface, Log::new(&assignment.name, None));
-        for (output, look) in outputs.iter().zip(&mut output_buffers.looks) {
-            look.ever = output.is_ever_seen();
+        for (output, flags) in outputs.iter().zip(&mut output_buffers.seen_flags) {
+            flags.ever = output.is_ever_seen();
         }
         for seen in &mut seen {
             let held = held.inputs.get(seen.port);
             let injector = seen.injector.as_mut().zip(held);
             injector
                 .into_iter()
-                .for_each(|(injector, held)| injector.remember(held));
+                .for_each(|(injector, held)| injector.set_stuck_values(held));
         }
         for (output, held) in outputs.iter_mut().zip(&held.outputs) {
-            let disturbed = output.disturbed.iter_mut();
-            disturbed.for_each(|disturbed| disturbed.injector.remember(held));
+            let injection = output.fault_injection.iter_mut();
+            injection.for_each(|injection| injection.injector.set_stuck_values(held));
         }
         Stepper {
             participant,
@@ -145,13 +145,13 @@ impl Stepper {
             output_buffers,
             horizon: Ticks::MIN,
             period_s: assignment.timebase.seconds(sample_time.period),
-            known_s: (next, assignment.timebase.seconds(sample_time.instant(next))),
+            known_instant_s: (next, assignment.timebase.seconds(sample_time.instant(next))),
             next,
             sample: 0,
             initialised: false,
-            orders: Orders::default(),
+            requests: Requests::default(),
             phase: Phase::Initialise,
-            parked: Parked::default(),
+            deferred: DeferredStep::default(),
             assignment,
         }
     }
@@ -186,21 +186,21 @@ impl Stepper {
         &*self.participant
     }
 
-    /// Comes to rest at any phase: an activation that has been stepped is recorded, one that has not is left for later. Returns `false`
+    /// Pauses at any phase: an activation that has been stepped is recorded, one that has not is left for later. Returns `false`
     /// when the recorder must make room first. Samples that were not sent yet are on the tape; a stepper that resumes the run from here
     /// reads them from there.
-    pub fn come_to_rest(&mut self) -> Result<bool, StepError> {
+    pub fn pause(&mut self) -> Result<bool, StepError> {
         loop {
             match self.phase {
                 Phase::Initialise => self.initialise()?,
-                Phase::Gather { .. } | Phase::Ready | Phase::Parked => self.phase = Phase::Idle,
+                Phase::Gather { .. } | Phase::Ready | Phase::Deferred => self.phase = Phase::Idle,
                 Phase::Record { output } => {
                     if !self.record(output)? {
                         return Ok(false);
                     }
                 }
-                Phase::Look { seen } => {
-                    if !self.look(seen)? {
+                Phase::RecordInputs { seen } => {
+                    if !self.record_inputs(seen)? {
                         return Ok(false);
                     }
                 }
@@ -222,10 +222,10 @@ impl Stepper {
 
     /// Works until an activation is complete, or until something is missing. Another call continues where this one stopped.
     pub fn poll(&mut self) -> Result<Progress, StepError> {
-        self.work().map_err(|error| *error)
+        self.poll_boxed().map_err(|error| *error)
     }
 
-    fn work(&mut self) -> Result<Progress, Box<StepError>> {
+    fn poll_boxed(&mut self) -> Result<Progress, Box<StepError>> {
         loop {
             match self.phase {
                 Phase::Initialise => self.initialise()?,
@@ -239,7 +239,7 @@ impl Stepper {
                         });
                     }
                     for seen in &self.seen {
-                        seen.undo(self.input_buffers.payloads[seen.port].bytes_mut());
+                        seen.remove_faults(self.input_buffers.payloads[seen.port].bytes_mut());
                     }
                     self.phase = Phase::Gather { input: 0 };
                 }
@@ -249,18 +249,18 @@ impl Stepper {
                     }
                 }
                 Phase::Ready => {
-                    if self.orders.hold.is_some_and(|from| self.next >= from) {
+                    if self.requests.hold.is_some_and(|from| self.next >= from) {
                         return Ok(Progress::Held);
                     }
                     self.do_step()?;
                 }
-                Phase::Parked => {
-                    if !self.take_over()? {
-                        return Ok(Progress::Parked);
+                Phase::Deferred => {
+                    if !self.finish_deferred_step()? {
+                        return Ok(Progress::Deferred);
                     }
                 }
-                Phase::Look { seen } => {
-                    if !self.look(seen)? {
+                Phase::RecordInputs { seen } => {
+                    if !self.record_inputs(seen)? {
                         return Ok(Progress::Waiting(Wait::Recording));
                     }
                 }
@@ -287,12 +287,12 @@ impl Stepper {
         let continuous = self.assignment.interface.kind == Kind::Continuous;
         let t = self.next_seconds();
         if continuous {
-            self.look_at_outputs();
+            self.update_seen_outputs();
         }
-        self.orders.begun = true;
+        self.requests.notify_termination = true;
         self.output_buffers.log.set_time(t);
-        let begun = guarded(|| self.participant.initialise(t, &mut self.output_buffers));
-        self.whole(begun)?;
+        let result = catch_failure(|| self.participant.initialise(t, &mut self.output_buffers));
+        self.note_panic(result)?;
         if continuous && self.assignment.activations > 0 {
             self.check_outputs()?;
             self.phase = Phase::Record { output: 0 };
@@ -316,22 +316,22 @@ impl Stepper {
         for input in &self.assembled {
             input.assemble(&self.inputs, &mut self.input_buffers)?;
         }
-        self.disturb_inputs();
+        self.inject_input_faults();
         self.phase = Phase::Ready;
         Ok(None)
     }
 
     /// Applies signal faults to the inputs, once all samples have been received and checked.
-    fn disturb_inputs(&mut self) {
+    fn inject_input_faults(&mut self) {
         let t = self.next_instant();
         for seen in &mut self.seen {
             let payload = self.input_buffers.payloads[seen.port].bytes_mut();
-            seen.disturb(self.next, t, payload);
+            seen.inject_faults(self.next, t, payload);
         }
     }
 
     /// Appends the values that the inputs of `seen` had at this activation, from number `first` on, to the tape, after the outputs.
-    fn look(&mut self, first: usize) -> Result<bool, StepError> {
+    fn record_inputs(&mut self, first: usize) -> Result<bool, StepError> {
         let header = Header {
             index: self.next,
             stamp: self.next_instant(),
@@ -342,8 +342,8 @@ impl Stepper {
                 false => &[],
             };
             let appended = self.recording.try_append(seen.stream, header, payload);
-            if !appended.map_err(to_the_recorder)? {
-                self.phase = Phase::Look { seen: number };
+            if !appended.map_err(recording_error)? {
+                self.phase = Phase::RecordInputs { seen: number };
                 return Ok(false);
             }
         }
@@ -352,10 +352,10 @@ impl Stepper {
     }
 
     /// Determines whether the next samples are seen, and shows that to the participant.
-    fn look_at_outputs(&mut self) {
-        for (output, look) in self.outputs.iter_mut().zip(&mut self.output_buffers.looks) {
-            output.look_at(self.sample);
-            look.now = output.seen;
+    fn update_seen_outputs(&mut self) {
+        for (output, flags) in self.outputs.iter_mut().zip(&mut self.output_buffers.seen_flags) {
+            output.update_seen(self.sample);
+            flags.now = output.seen;
         }
     }
 
@@ -365,7 +365,9 @@ impl Stepper {
             if !output.values.passes(payload.bytes()) {
                 return Err(StepError::Invalid {
                     port: output.name.clone(),
-                    what: output.values.words(&output.descriptor, payload.bytes(), "an output"),
+                    what: output
+                        .values
+                        .describe_invalid(&output.descriptor, payload.bytes(), "an output"),
                 });
             }
         }
@@ -385,13 +387,13 @@ impl Stepper {
         for (number, output) in self.outputs.iter_mut().enumerate().skip(first) {
             let payload = output.record(&self.output_buffers.payloads[number]);
             let appended = self.recording.try_append(output.stream, header, payload);
-            if !appended.map_err(to_the_recorder)? {
+            if !appended.map_err(recording_error)? {
                 self.phase = Phase::Record { output: number };
                 return Ok(false);
             }
         }
         if self.initialised && !self.seen.is_empty() {
-            return self.look(0);
+            return self.record_inputs(0);
         }
         self.prepare_to_publish();
         Ok(true)
@@ -402,7 +404,7 @@ impl Stepper {
         self.recording.commit();
         let header = self.header();
         for (output, payload) in self.outputs.iter_mut().zip(&self.output_buffers.payloads) {
-            output.disturb(header, payload.bytes());
+            output.inject_faults(header, payload.bytes());
         }
         self.phase = Phase::Publish { output: 0 };
     }
@@ -424,14 +426,14 @@ impl Stepper {
 }
 
 /// Calls the participant's code and reports a panic as a failure. What a panic left half done is not used again.
-fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), StepError> {
+fn catch_failure(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), StepError> {
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(result) => result.map_err(StepError::Failed),
         Err(panic) => Err(StepError::Panicked(crate::panic::message(&*panic))),
     }
 }
 
-fn to_the_recorder(source: crate::transport::Broken) -> StepError {
+fn recording_error(source: crate::transport::TransportError) -> StepError {
     StepError::Broken {
         way: "to the recorder".into(),
         source,

@@ -7,7 +7,7 @@ use crate::participant::{Payload, ValueCheck};
 use crate::plan::{Consumer, Observed};
 use crate::port::Descriptor;
 use crate::time::Ticks;
-use crate::transport::{Broken, Header, Sender};
+use crate::transport::{Header, Sender, TransportError};
 
 pub(super) struct OutputState {
     pub(super) stream: u32,
@@ -19,20 +19,20 @@ pub(super) struct OutputState {
     pub(super) descriptor: Descriptor,
     pub(super) values: ValueCheck,
     pub(super) consumers: Vec<ConsumerState>,
-    pub(super) disturbed: Option<Disturbed>,
+    pub(super) fault_injection: Option<FaultInjection>,
     /// The number of consumers that the current sample has been sent to, or that do not read it.
-    pub(super) served: usize,
+    pub(super) consumers_done: usize,
 }
 
 /// The sample sent to consumers after signal faults have been applied.
-pub(super) struct Disturbed {
+pub(super) struct FaultInjection {
     pub(super) injector: Injector,
     payload: Payload,
 }
 
-impl Disturbed {
-    pub(super) fn new(injector: Injector, size: usize) -> Disturbed {
-        Disturbed {
+impl FaultInjection {
+    pub(super) fn new(injector: Injector, size: usize) -> FaultInjection {
+        FaultInjection {
             injector,
             payload: Payload::zeroed(size),
         }
@@ -41,58 +41,58 @@ impl Disturbed {
 
 impl OutputState {
     /// Determines whether sample `index`, the current one from now on, is seen.
-    pub(super) fn look_at(&mut self, index: u64) {
-        let mut wanted = false;
+    pub(super) fn update_seen(&mut self, index: u64) {
+        let mut read = false;
         for consumer in &mut self.consumers {
-            wanted |= consumer.look_at(index);
+            read |= consumer.update_seen(index);
         }
         self.recorded = self.observed.contains(index);
         // A fault may depend on earlier samples.
-        self.seen = self.recorded || wanted || self.disturbed.is_some();
+        self.seen = self.recorded || read || self.fault_injection.is_some();
     }
 
     /// Whether any sample of the run is seen.
     pub(super) fn is_ever_seen(&self) -> bool {
-        !self.observed.is_nothing() || !self.consumers.is_empty() || self.disturbed.is_some()
+        !self.observed.is_empty() || !self.consumers.is_empty() || self.fault_injection.is_some()
     }
 
     /// The bytes of the current sample for the recorder: none when it is not observed.
-    pub(super) fn record<'a>(&self, given: &'a Payload) -> &'a [u8] {
-        if self.recorded { given.bytes() } else { &[] }
+    pub(super) fn record<'a>(&self, sample: &'a Payload) -> &'a [u8] {
+        if self.recorded { sample.bytes() } else { &[] }
     }
 
     /// Applies signal faults to sample `header`, which is on the tape, for its consumers. To be called once for each sample.
-    pub(super) fn disturb(&mut self, header: Header, given: &[u8]) {
-        if let Some(Disturbed { injector, payload }) = &mut self.disturbed {
-            payload.bytes_mut().copy_from_slice(given);
+    pub(super) fn inject_faults(&mut self, header: Header, sample: &[u8]) {
+        if let Some(FaultInjection { injector, payload }) = &mut self.fault_injection {
+            payload.bytes_mut().copy_from_slice(sample);
             injector.apply(header.index, header.stamp, payload.bytes_mut());
         }
     }
 
     /// Sends the sample, after signal faults, to the consumers that read it; returns the one for which there is no room, and is then to be
     /// called again.
-    pub(super) fn publish(&mut self, header: Header, given: &[u8]) -> Result<Option<usize>, Box<StepError>> {
-        let disturbed = self.disturbed.as_ref();
-        let payload = disturbed.map_or(given, |disturbed| disturbed.payload.bytes());
-        let consumers = self.consumers.iter_mut().enumerate().skip(self.served);
-        for (number, reader) in consumers.filter(|(_, reader)| reader.wants) {
-            match reader.sender.try_send(header, payload) {
+    pub(super) fn publish(&mut self, header: Header, sample: &[u8]) -> Result<Option<usize>, Box<StepError>> {
+        let injection = self.fault_injection.as_ref();
+        let payload = injection.map_or(sample, |injection| injection.payload.bytes());
+        let consumers = self.consumers.iter_mut().enumerate().skip(self.consumers_done);
+        for (number, consumer) in consumers.filter(|(_, consumer)| consumer.reads_current) {
+            match consumer.sender.try_send(header, payload) {
                 Ok(true) => {}
                 Ok(false) => {
-                    self.served = number;
+                    self.consumers_done = number;
                     return Ok(Some(number));
                 }
-                Err(source) => return Err(Box::new(reader.broken(source))),
+                Err(source) => return Err(Box::new(consumer.link_error(source))),
             }
         }
-        self.served = 0;
+        self.consumers_done = 0;
         Ok(None)
     }
 
     pub(super) fn prepare(&mut self) -> Result<(), StepError> {
-        self.consumers.iter_mut().try_for_each(|reader| {
-            let prepared = reader.sender.prepare();
-            prepared.map_err(|source| reader.broken(source))
+        self.consumers.iter_mut().try_for_each(|consumer| {
+            let prepared = consumer.sender.prepare();
+            prepared.map_err(|source| consumer.link_error(source))
         })
     }
 }
@@ -101,13 +101,13 @@ pub(super) struct ConsumerState {
     pub(super) sender: Box<dyn Sender>,
     pub(super) to: String,
     /// Whether the consumer reads the current sample.
-    pub(super) wants: bool,
+    pub(super) reads_current: bool,
     schedule: ReadSchedule,
     /// Activations of the consumer before the end.
     activations: u64,
     /// The next sample that the consumer reads, as far as known, and the one that it reads together with it.
     next_read: Option<u64>,
-    with_it: Option<u64>,
+    next_read_pair: Option<u64>,
 }
 
 impl ConsumerState {
@@ -121,15 +121,15 @@ impl ConsumerState {
         ConsumerState {
             sender,
             to: consumer.to.clone(),
-            wants: false,
+            reads_current: false,
             schedule,
             activations: consumer.sample_time.count_before(consumer.end),
             next_read: None,
-            with_it: None,
+            next_read_pair: None,
         }
     }
 
-    fn broken(&self, source: Broken) -> StepError {
+    fn link_error(&self, source: TransportError) -> StepError {
         StepError::Broken {
             way: format!("to `{}`", self.to),
             source,
@@ -137,19 +137,19 @@ impl ConsumerState {
     }
 
     /// Determines whether any activation reads sample `index`; to be called with rising indices.
-    fn look_at(&mut self, index: u64) -> bool {
-        self.wants = loop {
+    fn update_seen(&mut self, index: u64) -> bool {
+        self.reads_current = loop {
             match self.next_read {
                 Some(next) if next >= index => break next == index,
-                _ if self.with_it.is_some() => self.next_read = self.with_it.take(),
+                _ if self.next_read_pair.is_some() => self.next_read = self.next_read_pair.take(),
                 _ if self.schedule.next_activation() >= self.activations => break false,
                 _ => {
                     let mut samples = self.schedule.advance().samples();
                     self.next_read = samples.next().or(self.next_read);
-                    self.with_it = samples.next();
+                    self.next_read_pair = samples.next();
                 }
             }
         };
-        self.wants
+        self.reads_current
     }
 }

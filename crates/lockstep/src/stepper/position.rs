@@ -12,7 +12,7 @@ use crate::plan::{Assignment, Position};
 ///
 /// # Errors
 /// What the participant reports, or its panic.
-pub fn settle(
+pub fn prepare_to_resume(
     participant: &mut dyn Participant,
     t: f64,
     fresh: bool,

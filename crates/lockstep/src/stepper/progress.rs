@@ -37,12 +37,13 @@ pub enum Progress {
     Held,
     /// The stepper needs something first.
     Waiting(Wait),
-    /// The step is to be executed together with others: see [`Stepper::park`](super::Stepper::park). Never returned without that call.
-    Parked,
+    /// The step is to be executed together with others: see [`Stepper::defer_steps`](super::Stepper::defer_steps). Never returned without
+    /// that call.
+    Deferred,
 }
 
 /// The ends of the links of one participant, in the order of its assignment.
-pub struct Ends {
+pub struct LinkEnds {
     /// One receiver per link that feeds an input.
     pub receivers: Vec<Box<dyn Receiver>>,
     /// One sender per consumer of each output.
@@ -53,13 +54,13 @@ pub struct Ends {
 
 /// External requests to a stepper, and whether its participant is to be notified of the end.
 #[derive(Debug, Default)]
-pub(super) struct Orders {
+pub(super) struct Requests {
     /// Whether the participant has begun, has not panicked, and is to be notified when its part is over.
-    pub(super) begun: bool,
+    pub(super) notify_termination: bool,
     /// The first activation before whose step the participant is held; it is then held before each one.
     pub(super) hold: Option<u64>,
     /// Whether the outputs of the current activation were provided from outside.
-    pub(super) answered: bool,
+    pub(super) outputs_provided: bool,
 }
 
 /// The phase of the work on an activation. It is written where the work stops or changes, not for every link and output: what is written
@@ -75,18 +76,18 @@ pub(super) enum Phase {
     /// The inputs are complete, as the participant sees them.
     Ready,
     /// All inputs have been received; the caller executes the step.
-    Parked,
+    Deferred,
     /// Appending this output to the tape.
     Record { output: usize },
     /// Appending to the tape the value that an input had, where a fault may have changed it.
-    Look { seen: usize },
+    RecordInputs { seen: usize },
     /// Sending this output to its consumers.
     Publish { output: usize },
 }
 
 /// A step that the caller executes.
 #[derive(Default)]
-pub(super) struct Parked {
+pub(super) struct DeferredStep {
     /// Whether steps are left to the caller at all.
     pub(super) wanted: bool,
     pub(super) step: Option<Step>,

@@ -226,8 +226,8 @@ impl FromStr for Rational {
         let (value, unit) = (trimmed[..split].trim(), trimmed[split..].trim());
         let number = |text: &str| match decimal(text) {
             Ok(number) => Ok(number),
-            Err(Flaw::NoNumber) => Err(syntax()),
-            Err(Flaw::TooWide) => Err(range()),
+            Err(DecimalError::NotANumber) => Err(syntax()),
+            Err(DecimalError::OutOfRange) => Err(range()),
         };
         let (numerator, denominator) = match value.split_once('/') {
             None => number(value)?,
@@ -277,14 +277,14 @@ fn is_exponent(text: &str, at: usize, c: char) -> bool {
 }
 
 /// Why a text is not read as a decimal number.
-enum Flaw {
-    NoNumber,
+enum DecimalError {
+    NotANumber,
     /// It is a number, but its fraction does not fit.
-    TooWide,
+    OutOfRange,
 }
 
 /// A decimal number as an exact fraction.
-fn decimal(text: &str) -> Result<(i128, i128), Flaw> {
+fn decimal(text: &str) -> Result<(i128, i128), DecimalError> {
     let signed = |text: &str| -> (bool, String) {
         let negative = text.strip_prefix('-');
         let rest = negative.unwrap_or_else(|| text.strip_prefix('+').unwrap_or(text));
@@ -293,13 +293,13 @@ fn decimal(text: &str) -> Result<(i128, i128), Flaw> {
     let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
     let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
     if !digits(&signed(exponent).1) {
-        return Err(Flaw::NoNumber);
+        return Err(DecimalError::NotANumber);
     }
     let (negative, unsigned) = signed(mantissa);
     let (whole, fraction) = unsigned.split_once('.').unwrap_or((&unsigned, ""));
     let all = format!("{whole}{fraction}");
     if !digits(&all) {
-        return Err(Flaw::NoNumber);
+        return Err(DecimalError::NotANumber);
     }
     if all.bytes().all(|b| b == b'0') {
         return Ok((0, 1));
@@ -318,7 +318,7 @@ fn decimal(text: &str) -> Result<(i128, i128), Flaw> {
             Some((value.checked_mul(scale)?, 1))
         }
     };
-    let (n, d) = fraction().ok_or(Flaw::TooWide)?;
+    let (n, d) = fraction().ok_or(DecimalError::OutOfRange)?;
     let common = gcd(n, d).max(1);
     Ok((n / common, d / common))
 }
@@ -415,9 +415,9 @@ mod tests {
             ("1.2345678901234567890123456789012345 s", "with fewer digits"),
             ("--1 s", "write a number and a unit"),
         ] {
-            let refused = text.parse::<Rational>().unwrap_err().to_string();
-            assert!(refused.starts_with(&format!("`{text}`")), "{refused}");
-            assert!(refused.contains(part), "{part}: {refused}");
+            let error = text.parse::<Rational>().unwrap_err().to_string();
+            assert!(error.starts_with(&format!("`{text}`")), "{error}");
+            assert!(error.contains(part), "{part}: {error}");
         }
     }
 

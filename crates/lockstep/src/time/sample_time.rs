@@ -36,7 +36,7 @@ pub enum TickError {
 
 impl Timebase {
     /// The largest common measure of `times` (zeros are ignored; one second when nothing is left).
-    pub fn measuring(times: impl IntoIterator<Item = Rational>) -> Result<Timebase, TickError> {
+    pub fn from_times(times: impl IntoIterator<Item = Rational>) -> Result<Timebase, TickError> {
         let mut tick: Option<Rational> = None;
         for time in times.into_iter().filter(|time| *time != Rational::ZERO) {
             tick = Some(match tick {
@@ -117,7 +117,7 @@ impl SampleTime {
 
     /// The instants that two sample times have in common, as a sample time (Chinese remainder theorem); `None` when they have none, or
     /// none within representable time.
-    pub fn meet(&self, other: &SampleTime) -> Option<SampleTime> {
+    pub fn intersection(&self, other: &SampleTime) -> Option<SampleTime> {
         let (p, q) = (i128::from(self.period), i128::from(other.period));
         let common = gcd(p, q);
         let distance = i128::from(other.offset) - i128::from(self.offset);
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn tick_is_common_measure_of_odd_rates() {
-        let base = Timebase::measuring(["1 ms", "30 Hz", "1/300 s"].map(|t| t.parse().unwrap())).unwrap();
+        let base = Timebase::from_times(["1 ms", "30 Hz", "1/300 s"].map(|t| t.parse().unwrap())).unwrap();
         assert_eq!(base.tick(), "1/3000 s".parse().unwrap());
         assert_eq!(base.ceil("30 Hz".parse().unwrap()).unwrap(), 100);
         assert_eq!(base.ceil("0.1 ms".parse().unwrap()).unwrap(), 1);
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn sample_time_has_no_drift_after_hours() {
-        let base = Timebase::measuring(["1 ms".parse().unwrap()]).unwrap();
+        let base = Timebase::from_times(["1 ms".parse().unwrap()]).unwrap();
         assert_eq!(base.seconds(256_040), 256.040);
         assert_eq!(base.seconds(36_000_001), 36_000.001);
     }
@@ -181,10 +181,10 @@ mod tests {
             let searched: Vec<i64> = (0..4000)
                 .filter(|t| *t >= o1 && *t >= o2 && (t - o1) % p1 == 0 && (t - o2) % p2 == 0)
                 .collect();
-            let met: Vec<i64> = a.meet(&b).map_or(Vec::new(), |m| {
+            let common: Vec<i64> = a.intersection(&b).map_or(Vec::new(), |m| {
                 (0..).map(|k| m.instant(k)).take_while(|t| *t < 4000).collect()
             });
-            prop_assert_eq!(met, searched);
+            prop_assert_eq!(common, searched);
         }
 
         #[test]

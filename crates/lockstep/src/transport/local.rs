@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::interface::{Broken, Header, Receiver, Sender};
+use super::interface::{Header, Receiver, Sender, TransportError};
 use super::lock_free::board::{Get, Set};
 use super::lock_free::slots::{SlotReceiver, SlotSender, Slots};
 use super::lock_free::words::Word;
@@ -20,14 +20,14 @@ struct Taken(Word);
 impl Get<u64> for Taken {
     #[inline]
     fn get(&self) -> u64 {
-        self.0.heard()
+        self.0.load_acquire()
     }
 }
 
 impl Set<u64> for Taken {
     #[inline]
     fn set(&self, value: u64) {
-        self.0.announce(value);
+        self.0.store_release(value);
     }
 }
 
@@ -63,18 +63,20 @@ pub fn link(size: usize, capacity: usize) -> (LocalSender, LocalReceiver) {
 }
 
 impl Sender for LocalSender {
-    fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken> {
+    fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, TransportError> {
         let Ring { words, taken, .. } = &*self.ring;
         self.sender.try_send(words, taken, header, payload)
     }
 }
 
 impl Receiver for LocalReceiver {
-    fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
+    fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, TransportError> {
         let Ring { slots, words, taken } = &*self.ring;
         if payload.len() != slots.size {
-            let (came, due) = (slots.size, payload.len());
-            return Err(Broken(format!("a sample of {came} bytes where {due} are expected")));
+            let (size, expected) = (slots.size, payload.len());
+            return Err(TransportError(format!(
+                "a sample of {size} bytes where {expected} are expected"
+            )));
         }
         self.receiver.try_receive(words, taken, payload)
     }

@@ -5,4 +5,4 @@ pub(crate) mod interface;
 pub mod local;
 pub(crate) mod lock_free;
 
-pub use interface::{Broken, Header, NoRecording, Receiver, Recording, Sender};
+pub use interface::{Header, NoRecording, Receiver, Recording, Sender, TransportError};

@@ -24,7 +24,7 @@ pub struct Quantity<K>(f64, PhantomData<K>);
 pub struct Vector<K, const N: usize>([f64; N], PhantomData<K>);
 
 /// A quantity for each of `N` channels: `"[1, 2, 3] N"`, or `"9 N"` if all are the same.
-pub struct Each<K, const N: usize>([f64; N], PhantomData<K>);
+pub struct PerAxis<K, const N: usize>([f64; N], PhantomData<K>);
 
 impl<K> Quantity<K> {
     /// Creates it from a value in SI units and radians.
@@ -73,7 +73,7 @@ macro_rules! components {
         }
     )*};
 }
-components!(Vector, Each);
+components!(Vector, PerAxis);
 
 impl<K> Clone for Quantity<K> {
     fn clone(&self) -> Self {
@@ -196,7 +196,7 @@ impl<'de, K: Kind, const N: usize> Deserialize<'de> for Vector<K, N> {
     }
 }
 
-impl<'de, K: Kind, const N: usize> Deserialize<'de> for Each<K, N> {
+impl<'de, K: Kind, const N: usize> Deserialize<'de> for PerAxis<K, N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let read = deserializer.deserialize_any(Text::<K, N>(PhantomData))?;
         match (read.listed, read.count == N) {

@@ -19,7 +19,7 @@ pub fn read<T: DeserializeOwned>(table: &toml::Table) -> Result<T, ParameterErro
 
 #[cfg(test)]
 mod tests {
-    use crate::units::{Angle, Each, Force, Length, Quantity, Vector, read};
+    use crate::units::{Angle, Force, Length, PerAxis, Quantity, Vector, read};
 
     #[derive(Debug, serde::Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -28,11 +28,11 @@ mod tests {
         angle: Quantity<Angle>,
         place: Vector<Length, 3>,
         #[serde(default = "nine")]
-        limit: Each<Force, 3>,
+        limit: PerAxis<Force, 3>,
     }
 
-    fn nine() -> Each<Force, 3> {
-        Each::of([9.0; 3])
+    fn nine() -> PerAxis<Force, 3> {
+        PerAxis::of([9.0; 3])
     }
 
     #[derive(Debug, serde::Deserialize)]

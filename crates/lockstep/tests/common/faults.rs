@@ -1,44 +1,44 @@
-//! Random faults, and what they do to a payload, written down without state: what is stuck is looked up where it began.
+//! Random faults, and a second implementation of their effect without state: stuck values are looked up at the beginning of the fault.
 
-use lockstep::fault::{Effect, LinkFault, Place, SignalFault, Slot, Span};
+use lockstep::fault::{Effect, FaultPort, FaultWindow, LinkFault, SignalFault, Slot};
 use lockstep::plan::Plan;
 use lockstep::random::Stream;
 use lockstep::time::{Rational, Ticks};
 use proptest::prelude::*;
 
-/// A fault somewhere: the numbers are taken modulo what there is.
+/// A random signal fault: its numbers are taken modulo the number of participants and ports.
 #[derive(Debug, Clone)]
-pub struct Somewhere {
+pub struct RandomSignalFault {
     output: bool,
     participant: usize,
     port: usize,
     slots: Vec<Slot>,
-    span: Span,
+    span: FaultWindow,
     effect: Effect,
 }
 
-/// The faults of a world.
+/// The faults of a random scenario.
 #[derive(Debug, Clone, Default)]
 pub struct Faults {
-    pub signals: Vec<Somewhere>,
+    pub signals: Vec<RandomSignalFault>,
     pub links: Vec<(usize, LinkFault)>,
 }
 
 impl Faults {
-    /// The signal faults as far as they can be in `plan`.
+    /// The signal faults that are possible in `plan`.
     pub fn signals(&self, plan: &Plan) -> Vec<SignalFault> {
-        let place = |one: &Somewhere| {
+        let place = |one: &RandomSignalFault| {
             let participant = one.participant % plan.participants.len();
             let own = &plan.participants[participant];
             let connected: Vec<usize> = (0..own.inputs.len()).filter(|&at| !own.inputs[at].is_empty()).collect();
             if one.output {
                 let port = one.port % own.interface.outputs.len();
-                return Some(Place::Output { participant, port });
+                return Some(FaultPort::Output { participant, port });
             }
             let port = *connected.get(one.port % connected.len().max(1))?;
-            Some(Place::Input { participant, port })
+            Some(FaultPort::Input { participant, port })
         };
-        let fault = |(number, one): (usize, &Somewhere)| {
+        let fault = |(number, one): (usize, &RandomSignalFault)| {
             Some(SignalFault {
                 name: format!("s{number}"),
                 place: place(one)?,
@@ -54,9 +54,9 @@ impl Faults {
 
 /// What the faults number `..count` of `plan` at `place` make of sample or activation `index`, of which `truth(index)` is
 /// what there is without faults and `instant(index)` the time.
-pub fn disturbed(
+pub fn with_faults(
     plan: &Plan,
-    place: Place,
+    place: FaultPort,
     count: usize,
     index: u64,
     instant: &dyn Fn(u64) -> Ticks,
@@ -65,22 +65,22 @@ pub fn disturbed(
     let Some(last) = count.checked_sub(1) else {
         return truth(index);
     };
-    let before = |index| disturbed(plan, place, last, index, instant, truth);
+    let before = |index| with_faults(plan, place, last, index, instant, truth);
     let fault = &plan.faults[last];
     let time = |index| plan.timebase.time(instant(index)).unwrap();
-    let here = |index| time(index) >= fault.span.at && fault.span.until.is_none_or(|until| time(index) < until);
+    let is_active = |index| time(index) >= fault.span.at && fault.span.until.is_none_or(|until| time(index) < until);
     let mut bytes = before(index);
-    if fault.place != place || !here(index) {
+    if fault.place != place || !is_active(index) {
         return bytes;
     }
     let draws = Stream::new(plan.seed, &format!("fault {}", fault.name));
     let n = fault.slots.len() as u64;
-    let mut hit = None;
+    let mut flipped = None;
     if let Effect::BitFlip { bit, probability } = fault.effect
         && draws.uniform(3 * index) < probability
     {
         let slot = draws.bits(3 * index + 1) % n;
-        hit = Some((slot, bit.map_or(draws.bits(3 * index + 2) % 64, u64::from)));
+        flipped = Some((slot, bit.map_or(draws.bits(3 * index + 2) % 64, u64::from)));
     }
     for (number, slot) in fault.slots.iter().enumerate() {
         let range = slot.offset as usize..slot.offset as usize + 8;
@@ -98,9 +98,9 @@ pub fn disturbed(
             Effect::Noise(sigma) => x + sigma[number] * draws.normal(index * n + number as u64),
             Effect::Stuck(Some(value)) => value[number],
             Effect::Stuck(None) => {
-                let first = (0..=index).find(|&k| here(k)).unwrap();
-                let kept = before(first)[range.clone()].to_vec();
-                bytes[range].copy_from_slice(&kept);
+                let first = (0..=index).find(|&k| is_active(k)).unwrap();
+                let stuck = before(first)[range.clone()].to_vec();
+                bytes[range].copy_from_slice(&stuck);
                 continue;
             }
             Effect::Dropout(probability) => {
@@ -110,7 +110,7 @@ pub fn disturbed(
                 continue;
             }
             Effect::BitFlip { .. } => {
-                if let Some((slot, bit)) = hit
+                if let Some((slot, bit)) = flipped
                     && slot == number as u64
                 {
                     let flipped = u64::from_le_bytes(raw) ^ (1 << bit);
@@ -129,14 +129,14 @@ pub fn disturbed(
     bytes
 }
 
-/// Faults for worlds that last up to 90 ms.
+/// Faults for scenarios that last up to 90 ms.
 pub fn faults() -> impl Strategy<Value = Faults> {
     let span = || {
         (
             super::time(0..80),
             prop_oneof![1 => Just(None), 3 => super::time(0..40).prop_map(Some)],
         )
-            .prop_map(|(at, length)| Span {
+            .prop_map(|(at, length)| FaultWindow {
                 at,
                 until: length.map(|length| {
                     let d = i128::from(at.denominator()) * i128::from(length.denominator());
@@ -164,11 +164,11 @@ pub fn faults() -> impl Strategy<Value = Faults> {
         one => vec![all[one]],
     });
     let signal = (any::<bool>(), 0_usize..6, 0_usize..3, some, span(), effect).prop_map(
-        |(output, participant, port, slots, span, effect)| Somewhere {
+        |(output, participant, port, slots, span, effect)| RandomSignalFault {
             output,
             participant,
             port,
-            effect: cut(effect, slots.len()),
+            effect: resize_effect(effect, slots.len()),
             slots,
             span,
         },
@@ -191,7 +191,7 @@ pub fn faults() -> impl Strategy<Value = Faults> {
 }
 
 /// One value for each of `count` elements.
-fn cut(effect: Effect, count: usize) -> Effect {
+fn resize_effect(effect: Effect, count: usize) -> Effect {
     let first = |values: Vec<f64>| values[..count].to_vec();
     match effect {
         Effect::Bias(values) => Effect::Bias(first(values)),

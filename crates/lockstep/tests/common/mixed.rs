@@ -1,12 +1,12 @@
-//! What the participants of random plans tell each other, and random times.
+//! The message between the participants of random plans, and random times.
 
 use lockstep::time::Rational;
 use proptest::prelude::*;
 
 lockstep::message! {
-    /// A value that remembers.
+    /// A value that depends on all earlier ones.
     pub struct Mixed {
-        /// A hash of all that went in.
+        /// A hash of all inputs so far.
         pub hash: u64 = "1",
         /// The same as a number.
         pub x: f64 = "m",

@@ -1,35 +1,35 @@
 //! Random plans, a participant whose outputs depend on everything it ever read, and a reference executor that is simple
 //! enough to be obviously right.
 
+mod conversion;
 mod faults;
 mod mixed;
-mod shape;
 
 use std::sync::{Arc, Mutex};
 
-use lockstep::fault::{LinkFault, Place};
+use lockstep::fault::{FaultPort, LinkFault};
 use lockstep::link::{Hold, Timing};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 use lockstep::plan::{Initial, LinkSpec, ParticipantSpec, Plan, PlanError};
 use lockstep::time::{Rational, Ticks};
-use lockstep::transport::{Broken, Header, Recording};
+use lockstep::transport::{Header, Recording, TransportError};
 use proptest::prelude::*;
 
+use conversion::{LinkConversion, ReceivedSample};
 pub use mixed::Mixed;
 use mixed::time;
-use shape::{Came, Shape};
 
-/// Mixes the inputs of every activation into a state and gives it out where that is seen.
-pub struct Mixer {
+/// Hashes the inputs of every activation into its state and writes it to its outputs where they are seen.
+pub struct HashingParticipant {
     kind: Kind,
     inputs: usize,
     outputs: usize,
     state: u64,
 }
 
-impl Mixer {
-    pub fn new(kind: Kind, inputs: usize, outputs: usize, number: u64) -> Mixer {
-        Mixer {
+impl HashingParticipant {
+    pub fn new(kind: Kind, inputs: usize, outputs: usize, number: u64) -> HashingParticipant {
+        HashingParticipant {
             kind,
             inputs,
             outputs,
@@ -55,7 +55,7 @@ impl Mixer {
     }
 }
 
-impl Participant for Mixer {
+impl Participant for HashingParticipant {
     fn interface(&self) -> Interface {
         let mut interface = Interface::new(self.kind);
         for port in 0..self.inputs {
@@ -92,24 +92,24 @@ impl Participant for Mixer {
     }
 }
 
-/// What a run left behind: for every stream, the samples with their stamps.
+/// The recorded samples of a run with their stamps, for every stream.
 pub type Tape = Vec<Vec<(u64, Ticks, Vec<u8>)>>;
 
 /// A recording that several participants share.
 #[derive(Clone)]
-pub struct Shared(pub Arc<Mutex<Tape>>);
+pub struct SharedTape(pub Arc<Mutex<Tape>>);
 
-impl Shared {
-    pub fn new(plan: &Plan) -> Shared {
-        Shared(Arc::new(Mutex::new(vec![Vec::new(); plan.stream_count()])))
+impl SharedTape {
+    pub fn new(plan: &Plan) -> SharedTape {
+        SharedTape(Arc::new(Mutex::new(vec![Vec::new(); plan.stream_count()])))
     }
     pub fn take(&self) -> Tape {
         std::mem::take(&mut self.0.lock().unwrap())
     }
 }
 
-impl Recording for Shared {
-    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
+impl Recording for SharedTape {
+    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, TransportError> {
         self.0.lock().unwrap()[stream as usize].push((header.index, header.stamp, payload.to_vec()));
         Ok(true)
     }
@@ -117,41 +117,48 @@ impl Recording for Shared {
 
 /// A description from which a plan and fresh participants can be made any number of times.
 #[derive(Debug, Clone)]
-pub struct World {
-    pub mixers: Vec<(Kind, Rational, Rational, usize, usize)>,
-    pub links: Vec<(usize, usize, usize, usize, Timing, bool, Shape)>,
+pub struct RandomScenario {
+    pub participant_specs: Vec<(Kind, Rational, Rational, usize, usize)>,
+    pub links: Vec<(usize, usize, usize, usize, Timing, bool, LinkConversion)>,
     pub duration: Rational,
     pub seed: u64,
     pub faults: faults::Faults,
 }
 
-impl World {
+impl RandomScenario {
     fn link_faults(&self, link: usize) -> Vec<LinkFault> {
         let own = self.faults.links.iter().filter(|(at, _)| *at == link);
         own.map(|(_, fault)| fault.clone()).collect()
     }
 
     pub fn participants(&self) -> Vec<Box<dyn Participant>> {
-        let mixers = self.mixers.iter().enumerate();
-        mixers
+        let participant_specs = self.participant_specs.iter().enumerate();
+        participant_specs
             .map(|(number, &(kind, _, _, inputs, outputs))| {
-                Box::new(Mixer::new(kind, inputs, outputs, number as u64)) as Box<dyn Participant>
+                Box::new(HashingParticipant::new(kind, inputs, outputs, number as u64)) as Box<dyn Participant>
             })
             .collect()
     }
 
     pub fn plan(&self) -> Result<Plan, Vec<PlanError>> {
-        let mut taken: Vec<((usize, usize), Shape)> = Vec::new();
+        let mut taken: Vec<((usize, usize), LinkConversion)> = Vec::new();
         let mut links = Vec::new();
-        for (number, &(from, output, to, input, timing, first, shape)) in self.links.iter().enumerate() {
-            let (from, to) = (from % self.mixers.len(), to % self.mixers.len());
-            let (output, input) = (output % self.mixers[from].4, input % self.mixers[to].3.max(1));
-            let beside = |&(port, other): &((usize, usize), Shape)| port != (to, input) || shape.goes_with(other);
-            if self.mixers[to].3 == 0 || !taken.iter().all(beside) {
+        for (number, &(from, output, to, input, timing, first, conversion_kind)) in self.links.iter().enumerate() {
+            let (from, to) = (from % self.participant_specs.len(), to % self.participant_specs.len());
+            let (output, input) = (
+                output % self.participant_specs[from].4,
+                input % self.participant_specs[to].3.max(1),
+            );
+            let compatible = |&(port, other): &((usize, usize), LinkConversion)| {
+                port != (to, input) || conversion_kind.is_compatible_with(other)
+            };
+            if self.participant_specs[to].3 == 0 || !taken.iter().all(compatible) {
                 continue;
             }
-            taken.push(((to, input), shape));
-            let first = first && self.mixers[from].0 == Kind::Continuous && self.mixers[from].2 <= self.mixers[to].2;
+            taken.push(((to, input), conversion_kind));
+            let first = first
+                && self.participant_specs[from].0 == Kind::Continuous
+                && self.participant_specs[from].2 <= self.participant_specs[to].2;
             links.push(LinkSpec {
                 name: format!("link{number}"),
                 from: (format!("p{from}"), format!("out{output}")),
@@ -162,34 +169,34 @@ impl World {
                 } else {
                     Some(Initial::Value(vec![number as u8; 16]))
                 },
-                conversion: shape.conversion(),
-                draws: shape.conversion().map(|_| format!("c{number}")),
+                conversion: conversion_kind.conversion(),
+                random_stream: conversion_kind.conversion().map(|_| format!("c{number}")),
                 faults: self.link_faults(number),
             });
         }
-        let specs = self
-            .mixers
-            .iter()
-            .enumerate()
-            .map(|(number, &(kind, period, offset, inputs, outputs))| {
-                let interface = Mixer::new(kind, inputs, outputs, 0).interface();
-                ParticipantSpec {
-                    name: format!("p{number}"),
-                    period,
-                    offset,
-                    interface,
-                }
-            });
+        let specs =
+            self.participant_specs
+                .iter()
+                .enumerate()
+                .map(|(number, &(kind, period, offset, inputs, outputs))| {
+                    let interface = HashingParticipant::new(kind, inputs, outputs, 0).interface();
+                    ParticipantSpec {
+                        name: format!("p{number}"),
+                        period,
+                        offset,
+                        interface,
+                    }
+                });
         let mut plan = Plan::build(specs.collect(), &links, self.duration, self.seed)?;
-        plan.disturb(self.faults.signals(&plan))?;
+        plan.add_signal_faults(self.faults.signals(&plan))?;
         Ok(plan)
     }
 }
 
-/// Worlds of 1 to 6 participants with any mix of kinds, periods, offsets, delays, jitter, drops and shapes.
-pub fn worlds() -> impl Strategy<Value = World> {
+/// Scenarios of 1 to 6 participants with any mix of kinds, periods, offsets, delays, jitter, drops and conversions.
+pub fn random_scenarios() -> impl Strategy<Value = RandomScenario> {
     let kind = prop_oneof![Just(Kind::Sampled), Just(Kind::Continuous)];
-    let mixer = (kind, time(1..12), time(0..10), 0_usize..4, 1_usize..3);
+    let participant_spec = (kind, time(1..12), time(0..10), 0_usize..4, 1_usize..3);
     let timing = (
         time(0..30),
         prop_oneof![3 => Just(Rational::ZERO), 1 => time(0..20)],
@@ -210,17 +217,17 @@ pub fn worlds() -> impl Strategy<Value = World> {
         0_usize..3,
         prop_oneof![1 => timing, 1 => zero],
         any::<bool>(),
-        shape::shapes(),
+        conversion::link_conversions(),
     );
     (
-        prop::collection::vec(mixer, 1..7),
+        prop::collection::vec(participant_spec, 1..7),
         prop::collection::vec(link, 0..12),
         time(20..90),
         any::<u64>(),
         faults::faults(),
     )
-        .prop_map(|(mixers, links, duration, seed, faults)| World {
-            mixers,
+        .prop_map(|(participant_specs, links, duration, seed, faults)| RandomScenario {
+            participant_specs,
             links,
             duration,
             seed,
@@ -230,8 +237,8 @@ pub fn worlds() -> impl Strategy<Value = World> {
 
 /// The reference: keeps every sample of every output for ever, and for every read searches all of them for the newest that
 /// is visible. Activations of one instant are tried in any order until all have what they need.
-pub fn reference(world: &World, plan: &Plan) -> Tape {
-    let mut participants = world.participants();
+pub fn reference(scenario: &RandomScenario, plan: &Plan) -> Tape {
+    let mut participants = scenario.participants();
     let mut tape: Tape = vec![Vec::new(); plan.stream_count()];
     let record = |tape: &mut Tape, number: usize, index: u64, outputs: &Outputs| {
         let own = &plan.participants[number];
@@ -250,44 +257,44 @@ pub fn reference(world: &World, plan: &Plan) -> Tape {
         }
         buffers.push((Inputs::zeroed(&own.interface), outputs));
     }
-    // What came into each input at each activation, before faults.
-    let mut came_in: Vec<Vec<Vec<Vec<u8>>>> = plan
+    // The value of each input at each activation, before faults.
+    let mut input_history: Vec<Vec<Vec<Vec<u8>>>> = plan
         .participants
         .iter()
         .map(|own| vec![Vec::new(); own.inputs.len()])
         .collect();
-    let mut todo = activations(plan);
-    while !todo.is_empty() {
-        let (now, number, k) = take_ready(plan, &mut todo);
+    let mut remaining = activations(plan);
+    while !remaining.is_empty() {
+        let (now, number, k) = take_ready(plan, &mut remaining);
         let own = &plan.participants[number];
         let (inputs, outputs) = &mut buffers[number];
         for (input, links) in own.inputs.iter().enumerate() {
             if links.is_empty() {
                 continue;
             }
-            let came = links.iter().map(|&link| came(plan, &tape, link, now));
-            let shapes = links.iter().map(|&link| {
+            let received = links.iter().map(|&link| received(plan, &tape, link, now));
+            let conversion_kinds = links.iter().map(|&link| {
                 let number: usize = plan.links[link].name["link".len()..].parse().unwrap();
-                world.links[number].6
+                scenario.links[number].6
             });
-            let bytes = shape::together(shapes.zip(came));
-            came_in[number][input].push(bytes);
-            let place = Place::Input {
+            let bytes = conversion::assemble_input(conversion_kinds.zip(received));
+            input_history[number][input].push(bytes);
+            let place = FaultPort::Input {
                 participant: number,
                 port: input,
             };
-            let (history, instant) = (&came_in[number][input], |index| own.sample_time.instant(index));
+            let (history, instant) = (&input_history[number][input], |index| own.sample_time.instant(index));
             let truth = |index: u64| history[index as usize].clone();
-            let shown = faults::disturbed(plan, place, plan.faults.len(), k, &instant, &truth);
+            let seen_value = faults::with_faults(plan, place, plan.faults.len(), k, &instant, &truth);
             let seen = plan
                 .seen
                 .iter()
                 .position(|seen| (seen.participant, seen.input) == (number, input));
             if let Some(position) = seen {
                 let outputs: usize = plan.participants.iter().map(|own| own.interface.outputs.len()).sum();
-                tape[outputs + position].push((k, now, shown.clone()));
+                tape[outputs + position].push((k, now, seen_value.clone()));
             }
-            *inputs.get_mut::<Mixed>(input) = bytemuck::checked::pod_read_unaligned(&shown);
+            *inputs.get_mut::<Mixed>(input) = bytemuck::checked::pod_read_unaligned(&seen_value);
         }
         let step = Step {
             index: k,
@@ -313,26 +320,26 @@ fn activations(plan: &Plan) -> Vec<(Ticks, usize, u64)> {
 }
 
 /// Takes one of the earliest activations that has everything that it needs.
-fn take_ready(plan: &Plan, todo: &mut Vec<(Ticks, usize, u64)>) -> (Ticks, usize, u64) {
-    let now = todo[0].0;
-    let ready = todo.iter().position(|&(t, number, _)| {
-        // Whoever feeds it without delay and is also activated now must come first.
+fn take_ready(plan: &Plan, remaining: &mut Vec<(Ticks, usize, u64)>) -> (Ticks, usize, u64) {
+    let now = remaining[0].0;
+    let ready = remaining.iter().position(|&(t, number, _)| {
+        // A participant that feeds it without delay and is also activated now must come first.
         t == now
             && !plan.links.iter().any(|link| {
                 let feeds = link.to.0 == number
                     && plan.participants[link.from.0].interface.kind == Kind::Sampled
                     && link.visibility.delay_bounds().0 == 0;
                 feeds
-                    && todo
+                    && remaining
                         .iter()
                         .any(|&(other_t, other, _)| other_t == now && other == link.from.0)
             })
     });
-    todo.remove(ready.expect("the planner promised that there is no loop"))
+    remaining.remove(ready.expect("the plan has no algebraic loop"))
 }
 
-/// What came over link number `link` for an activation at `now`: a sample, or what stands in for one.
-fn came(plan: &Plan, tape: &Tape, link: usize, now: Ticks) -> Came {
+/// The data received over link number `link` for an activation at `now`: a sample, or the initial value.
+fn received(plan: &Plan, tape: &Tape, link: usize, now: Ticks) -> ReceivedSample {
     let link = &plan.links[link];
     let stream = plan.participants[link.from.0].first_stream as usize + link.from.1;
     let arrived = |index: u64, stamp: Ticks| stamp + link.visibility.delay(index) <= now;
@@ -343,27 +350,27 @@ fn came(plan: &Plan, tape: &Tape, link: usize, now: Ticks) -> Came {
     let newest = match link.visibility.hold() {
         Hold::Last | Hold::Linear => sent
             .clone()
-            .find(|(index, ..)| !link.visibility.dropped(*index))
+            .find(|(index, ..)| !link.visibility.is_dropped(*index))
             .map(Some),
         Hold::Initial => sent
             .clone()
             .next()
-            .map(|sample| (!link.visibility.dropped(sample.0)).then_some(sample)),
+            .map(|sample| (!link.visibility.is_dropped(sample.0)).then_some(sample)),
     };
     let sent = |index: u64| {
         let producer = &plan.participants[link.from.0];
-        let place = Place::Output {
+        let place = FaultPort::Output {
             participant: link.from.0,
             port: link.from.1,
         };
-        let given = |index: u64| tape[stream][index as usize].2.clone();
+        let recorded = |index: u64| tape[stream][index as usize].2.clone();
         let instant = |index| producer.sample_time.instant(index);
-        faults::disturbed(plan, place, plan.faults.len(), index, &instant, &given)
+        faults::with_faults(plan, place, plan.faults.len(), index, &instant, &recorded)
     };
     match (newest, &link.initial) {
         (Some(Some((index, ..))), _) if link.visibility.hold() == Hold::Linear => {
-            let Some(next) = link.visibility.following(*index, now) else {
-                return Came::Sample(sent(*index));
+            let Some(next) = link.visibility.interpolation_target(*index, now) else {
+                return ReceivedSample::Sample(sent(*index));
             };
             let number = |bytes: &[u8]| f64::from_le_bytes(bytes[8..].try_into().unwrap());
             let (before, after) = (sent(*index), sent(next));
@@ -375,11 +382,11 @@ fn came(plan: &Plan, tape: &Tape, link: usize, now: Ticks) -> Came {
                 a * (1.0 - weight) + b * weight
             };
             // A whole number is the earlier one.
-            Came::Sample([&before[..8], &x.to_le_bytes()].concat())
+            ReceivedSample::Sample([&before[..8], &x.to_le_bytes()].concat())
         }
-        (Some(Some((index, ..))), _) => Came::Sample(sent(*index)),
-        (None, Initial::FirstSample) => Came::Sample(sent(0)),
-        (_, Initial::Value(bytes)) => Came::Initial(bytes.clone()),
-        (Some(None), Initial::FirstSample) => Came::Initial(vec![0; 16]),
+        (Some(Some((index, ..))), _) => ReceivedSample::Sample(sent(*index)),
+        (None, Initial::FirstSample) => ReceivedSample::Sample(sent(0)),
+        (_, Initial::Value(bytes)) => ReceivedSample::Initial(bytes.clone()),
+        (Some(None), Initial::FirstSample) => ReceivedSample::Initial(vec![0; 16]),
     }
 }

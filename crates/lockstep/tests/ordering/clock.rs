@@ -2,15 +2,15 @@
 
 use testing::loom::thread;
 
-use crate::control::Waiting;
+use crate::backoff::Backoff;
+use crate::control::WaitStrategy;
 use crate::model::{Board, Event, check};
 use crate::time::Ticks;
 use crate::transport::lock_free::board::Get;
 use crate::transport::lock_free::clock::{Command, Horizon, RUN, command, set_command};
-use crate::waiting::Patience;
 
-/// A participant goes along with the horizon until the command to terminate. `ring`: the orchestrator wakes it after each change.
-fn go_along(ring: bool) {
+/// A participant follows the horizon until the command to terminate. `notify`: the orchestrator wakes it after each change.
+fn follow_horizon(notify: bool) {
     check(3, move || {
         let (horizon, commands) = (Board::new(Ticks::MIN as u64), Board::new(RUN));
         let mut event = Event::new();
@@ -22,21 +22,21 @@ fn go_along(ring: bool) {
                 clock.extend(&*horizon, to);
                 assert_eq!(clock.now(), 20);
             }
-            if ring {
+            if notify {
                 notifier.notify();
             }
             set_command(&*commands, Command::Terminate);
-            if ring {
+            if notify {
                 notifier.notify();
             }
         });
-        let mut patience = Patience::new(Waiting { spins: 0, yields: 0 });
+        let mut backoff = Backoff::new(WaitStrategy { spins: 0, yields: 0 });
         let mut seen = Ticks::MIN;
         while command(&*seen_commands) != Command::Terminate {
             let now: Ticks = seen_horizon.get();
             assert!(seen <= now && (now == Ticks::MIN || now == 20), "{now} after {seen}");
             if now == seen {
-                patience.sleep(&mut event).expect("an event");
+                backoff.sleep(&mut event).expect("an event");
             }
             seen = now;
         }
@@ -47,11 +47,11 @@ fn go_along(ring: bool) {
 
 #[test]
 fn sleeping_participant_sees_horizon_and_command() {
-    go_along(true);
+    follow_horizon(true);
 }
 
 #[test]
 #[should_panic(expected = "deadlock")]
 fn participant_without_notification_sleeps_forever() {
-    go_along(false);
+    follow_horizon(false);
 }

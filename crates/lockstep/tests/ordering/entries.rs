@@ -1,15 +1,15 @@
-//! A record's ring: whole activations, in order, and none that is shown to others before the recorder has it.
+//! A record's ring: whole activations, in order; the recorder has every sample before another participant can see it.
 
 use testing::loom::thread;
 
 use crate::model::{Board, check, memory};
-use crate::transport::interface::{Broken, Header};
+use crate::transport::interface::{Header, TransportError};
 use crate::transport::lock_free::entries::{EntryReceiver, EntrySender, Recorded};
 use crate::transport::lock_free::slots::{SlotReceiver, SlotSender, Slots};
-use crate::transport::lock_free::sync::{Ordering, lack};
+use crate::transport::lock_free::sync::{Ordering, weaken};
 use crate::transport::lock_free::words::{LINE, Word};
 
-/// Words of the ring: an activation of two samples is 10 words, so the second one goes on at the beginning.
+/// Words of the ring: an activation of two samples is 10 words, so the second one continues at the ring's beginning.
 const SIZE: usize = 16;
 
 fn sender() -> EntrySender {
@@ -23,14 +23,14 @@ fn header(index: u64) -> Header {
     }
 }
 
-/// Appends sample `index` of `stream`; whether there was room.
+/// Appends sample `index` of `stream`; returns whether there was room.
 fn append(sender: &mut EntrySender, words: &[Word], count: &Board, stream: u32, index: u64) -> bool {
     let payload = (100 * u64::from(stream) + index).to_ne_bytes();
-    let appended = sender.sample(words, count, stream, header(index), &payload);
+    let appended = sender.try_append_sample(words, count, stream, header(index), &payload);
     appended.expect("the recorder counts rightly")
 }
 
-/// Takes what has come behind the `known` samples that were there before; how many there are now.
+/// Receives the samples after the first `known` ones; returns the new total.
 fn receive(receiver: &mut EntryReceiver, words: &[Word], count: &Board, known: u64) -> u64 {
     let mut samples = known;
     let received = receiver.receive(words, count, |entry| {
@@ -46,19 +46,19 @@ fn receive(receiver: &mut EntryReceiver, words: &[Word], count: &Board, known: u
         assert_eq!((u64::from(stream), found), (due, header(index)));
         assert_eq!(payload, (100 * due + index).to_ne_bytes());
         samples += 1;
-        Ok::<(), Broken>(())
+        Ok::<(), TransportError>(())
     });
     received.expect("the participant commits rightly");
     samples
 }
 
 /// Records `activations`, each with a sample of two streams.
-fn record(activations: u64, lacks: [Option<Ordering>; 2]) {
+fn record(activations: u64, weakened: [Option<Ordering>; 2]) {
     check(3, move || {
         let (words, count) = (memory(LINE + SIZE), Board::new(0));
         let (participant_words, recorder_count) = (words.clone(), count.clone());
         let recording = thread::spawn(move || {
-            lack(lacks[0]);
+            weaken(weakened[0]);
             let mut sender = sender();
             for index in 0..activations {
                 for stream in [0, 1] {
@@ -70,7 +70,7 @@ fn record(activations: u64, lacks: [Option<Ordering>; 2]) {
                 sender.commit(&participant_words);
             }
         });
-        lack(lacks[1]);
+        weaken(weakened[1]);
         let (mut receiver, mut samples) = (EntryReceiver::new(), 0);
         while samples < 2 * activations {
             samples = receive(&mut receiver, &words, &count, samples);
@@ -127,14 +127,14 @@ fn sender_death_in_activation_leaves_whole_activations() {
         let mut receiver = EntryReceiver::new();
         let before = receive(&mut receiver, &words, &count, 0);
         assert!(before == 0 || before == 2, "{before}");
-        dying.join().expect("it dies in silence");
+        dying.join().expect("the thread does not panic");
         assert_eq!(receive(&mut receiver, &words, &count, before), 2);
         assert_eq!(receive(&mut receiver, &words, &count, 2), 2);
     });
 }
 
-/// A participant records a sample, then shows it to a neighbour; who knows that the neighbour has it, looks into the record.
-fn record_then_show(lacks: Option<Ordering>) {
+/// A participant records a sample, then sends it to a neighbour; once the neighbour has it, the record must contain it.
+fn record_then_send(weakened: Option<Ordering>) {
     check(3, move || {
         let slots = Slots::new(8, 1);
         let (record, recorded) = (memory(LINE + SIZE), Board::new(0));
@@ -143,7 +143,7 @@ fn record_then_show(lacks: Option<Ordering>) {
             let (record, recorded) = (record.clone(), recorded.clone());
             let (link, taken) = (link.clone(), taken.clone());
             thread::spawn(move || {
-                lack(lacks);
+                weaken(weakened);
                 let mut sender = sender();
                 for stream in [0, 1] {
                     assert!(append(&mut sender, &record, &recorded, stream, 0));
@@ -157,21 +157,21 @@ fn record_then_show(lacks: Option<Ordering>) {
             let received = SlotReceiver::new(slots).try_receive(&link, &*taken, &mut [0; 8]);
             received.expect("the sender numbers rightly").is_some()
         });
-        if neighbour.join().expect("it looked") {
+        if neighbour.join().expect("the neighbour does not panic") {
             let samples = receive(&mut EntryReceiver::new(), &record, &recorded, 0);
             assert_eq!(samples, 2, "the recorder lacks what others have seen");
         }
-        participant.join().expect("it showed it");
+        participant.join().expect("the participant does not panic");
     });
 }
 
 #[test]
 fn sample_seen_by_neighbour_is_in_record() {
-    record_then_show(None);
+    record_then_send(None);
 }
 
 #[test]
 #[should_panic(expected = "Causality violation")]
 fn sample_after_commit_requires_release() {
-    record_then_show(Some(Ordering::Release));
+    record_then_send(Some(Ordering::Release));
 }

@@ -1,4 +1,4 @@
-//! The files under test, with the model checker's atomics in the place of the processor's.
+//! The files under test, with the model checker's atomics in place of the processor's.
 
 #[path = "../../src/transport/lock_free/board.rs"]
 pub mod board;

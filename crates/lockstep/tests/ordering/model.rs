@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use testing::loom::sync::{Arc, Condvar, Mutex};
 
-use crate::transport::interface::Broken;
+use crate::transport::interface::TransportError;
 use crate::transport::lock_free::board::{Get, Set};
 use crate::transport::lock_free::sync::{AtomicU64, Ordering};
-use crate::transport::lock_free::wait_reason::{Announce, Sleep, WaitReason, set_wait_reason};
+use crate::transport::lock_free::wait_reason::{SetWaitReason, Sleep, WaitReason, set_wait_reason};
 use crate::transport::lock_free::words::Word;
 
 /// Runs `body` in every order with at most `preemptions` switches away from a thread that could have gone on. Two are known to show nearly
@@ -59,13 +59,13 @@ impl Set<i64> for Board {
 /// A participant's *wait reason* word.
 pub(crate) struct WaitReasonWord(pub(crate) Arc<Board>);
 
-impl Announce for WaitReasonWord {
+impl SetWaitReason for WaitReasonWord {
     fn set_wait_reason(&mut self, what: Option<WaitReason>) {
         set_wait_reason(&*self.0, what);
     }
 }
 
-/// An event. Nobody wakes up by himself, so a wake-up that is lost is a deadlock, which the model checker reports.
+/// An event. No thread wakes up spontaneously, so a lost wake-up is a deadlock, which the model checker reports.
 #[derive(Clone)]
 pub(crate) struct Event(Arc<(Mutex<bool>, Condvar)>);
 
@@ -75,19 +75,19 @@ impl Event {
     }
 
     pub(crate) fn notify(&self) {
-        *self.0.0.lock().expect("nobody panics") = true;
+        *self.0.0.lock().expect("no thread panics") = true;
         self.0.1.notify_one();
     }
 }
 
 impl Sleep for Event {
-    fn sleep(&mut self, _limit: Duration) -> Result<(), Broken> {
-        let (rung, condition) = &*self.0;
-        let mut rung = rung.lock().expect("nobody panics");
-        while !*rung {
-            rung = condition.wait(rung).expect("nobody panics");
+    fn sleep(&mut self, _limit: Duration) -> Result<(), TransportError> {
+        let (notified, condition) = &*self.0;
+        let mut notified = notified.lock().expect("no thread panics");
+        while !*notified {
+            notified = condition.wait(notified).expect("no thread panics");
         }
-        *rung = false;
+        *notified = false;
         Ok(())
     }
 }

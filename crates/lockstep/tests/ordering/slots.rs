@@ -5,11 +5,11 @@ use testing::loom::thread;
 use crate::model::{Board, check, memory};
 use crate::transport::interface::Header;
 use crate::transport::lock_free::slots::{SlotReceiver, SlotSender, Slots};
-use crate::transport::lock_free::sync::{Ordering, lack};
+use crate::transport::lock_free::sync::{Ordering, weaken};
 
-/// Which ordering a thread does without.
+/// The ordering that is weakened in each thread.
 #[derive(Default, Clone, Copy)]
-struct Lacks {
+struct Weakened {
     sender: Option<Ordering>,
     receiver: Option<Ordering>,
 }
@@ -18,14 +18,14 @@ fn payload_of(index: u64) -> [u8; 8] {
     (1000 + index).to_ne_bytes()
 }
 
-/// Hands `samples` samples through a ring for `capacity` of them.
-fn hand_over(samples: u64, capacity: usize, lacks: Lacks) {
+/// Transfers `samples` samples through a ring for `capacity` of them.
+fn transfer(samples: u64, capacity: usize, weakened: Weakened) {
     check(3, move || {
         let slots = Slots::new(8, capacity);
         let (words, count) = (memory(slots.words()), Board::new(0));
         let (sender_words, sender_count) = (words.clone(), count.clone());
         let sending = thread::spawn(move || {
-            lack(lacks.sender);
+            weaken(weakened.sender);
             let mut sender = SlotSender::new(slots);
             for index in 0..samples {
                 let header = Header {
@@ -40,7 +40,7 @@ fn hand_over(samples: u64, capacity: usize, lacks: Lacks) {
                 }
             }
         });
-        lack(lacks.receiver);
+        weaken(weakened.receiver);
         let mut receiver = SlotReceiver::new(slots);
         for index in 0..samples {
             let mut payload = [0; 8];
@@ -60,24 +60,24 @@ fn hand_over(samples: u64, capacity: usize, lacks: Lacks) {
 
 #[test]
 fn slot_ring_delivers_samples_in_order_after_wrap() {
-    hand_over(5, 2, Lacks::default());
+    transfer(5, 2, Weakened::default());
 }
 
 #[test]
 fn slot_sender_does_not_overwrite_full_ring() {
-    hand_over(3, 1, Lacks::default());
+    transfer(3, 1, Weakened::default());
 }
 
 #[test]
 #[should_panic(expected = "Causality violation")]
 fn slot_announcement_requires_release() {
     let sender = Some(Ordering::Release);
-    hand_over(
+    transfer(
         1,
         1,
-        Lacks {
+        Weakened {
             sender,
-            ..Lacks::default()
+            ..Weakened::default()
         },
     );
 }
@@ -86,12 +86,12 @@ fn slot_announcement_requires_release() {
 #[should_panic(expected = "Causality violation")]
 fn slot_reception_requires_acquire() {
     let receiver = Some(Ordering::Acquire);
-    hand_over(
+    transfer(
         1,
         1,
-        Lacks {
+        Weakened {
             receiver,
-            ..Lacks::default()
+            ..Weakened::default()
         },
     );
 }
@@ -100,12 +100,12 @@ fn slot_reception_requires_acquire() {
 #[should_panic(expected = "Causality violation")]
 fn slot_count_requires_release() {
     let receiver = Some(Ordering::Release);
-    hand_over(
+    transfer(
         2,
         1,
-        Lacks {
+        Weakened {
             receiver,
-            ..Lacks::default()
+            ..Weakened::default()
         },
     );
 }
@@ -114,12 +114,12 @@ fn slot_count_requires_release() {
 #[should_panic(expected = "Causality violation")]
 fn slot_room_check_requires_acquire() {
     let sender = Some(Ordering::Acquire);
-    hand_over(
+    transfer(
         2,
         1,
-        Lacks {
+        Weakened {
             sender,
-            ..Lacks::default()
+            ..Weakened::default()
         },
     );
 }

@@ -1,7 +1,7 @@
-//! The atomics of the model checker, in the place of `src/transport/lock_free/sync.rs`.
+//! The atomics of the model checker, in place of `src/transport/lock_free/sync.rs`.
 //!
-//! They also know two things that a processor does not: an access that is not atomic must not meet another one, and a thread can
-//! [`lack`] an ordering, to show that it is needed.
+//! They add two checks to those of a processor: a non-atomic access must not race with another access, and a thread can
+//! [`weaken`] an ordering, to show that it is needed.
 
 use std::cell::Cell;
 pub(crate) use std::sync::atomic::Ordering;
@@ -10,20 +10,20 @@ use testing::loom::cell::UnsafeCell;
 use testing::loom::sync::atomic;
 
 testing::loom::thread_local! {
-    static LACKING: Cell<Option<Ordering>> = Cell::new(None);
+    static WEAKENED: Cell<Option<Ordering>> = Cell::new(None);
 }
 
 /// From here on, this thread's accesses and fences are made without `ordering`.
-pub(crate) fn lack(ordering: Option<Ordering>) {
-    LACKING.with(|lacking| lacking.set(ordering));
+pub(crate) fn weaken(ordering: Option<Ordering>) {
+    WEAKENED.with(|weakened| weakened.set(ordering));
 }
 
-fn is_lacking(ordering: Ordering) -> bool {
-    LACKING.with(|lacking| lacking.get() == Some(ordering))
+fn is_weakened(ordering: Ordering) -> bool {
+    WEAKENED.with(|weakened| weakened.get() == Some(ordering))
 }
 
-fn kept(ordering: Ordering) -> Ordering {
-    if is_lacking(ordering) {
+fn effective(ordering: Ordering) -> Ordering {
+    if is_weakened(ordering) {
         Ordering::Relaxed
     } else {
         ordering
@@ -50,16 +50,16 @@ impl AtomicU64 {
 
     pub(crate) fn load(&self, ordering: Ordering) -> u64 {
         self.plain.with(|_| ());
-        self.value.load(kept(ordering))
+        self.value.load(effective(ordering))
     }
 
     pub(crate) fn store(&self, value: u64, ordering: Ordering) {
-        self.value.store(value, kept(ordering));
+        self.value.store(value, effective(ordering));
     }
 }
 
 pub(crate) fn fence(ordering: Ordering) {
-    match (ordering, is_lacking(ordering)) {
+    match (ordering, is_weakened(ordering)) {
         (_, false) => atomic::fence(ordering),
         (Ordering::SeqCst, true) => atomic::fence(Ordering::AcqRel),
         (_, true) => {}
@@ -69,7 +69,7 @@ pub(crate) fn fence(ordering: Ordering) {
 /// Writes `bytes` over `words`, the last word filled up with zeros, not atomically.
 ///
 /// # Safety
-/// None is needed: the model checker looks for itself.
+/// No condition: the model checker detects races itself.
 pub(crate) unsafe fn write_bytes(words: &[AtomicU64], bytes: &[u8]) {
     for (word, bytes) in words.iter().zip(bytes.chunks(8)) {
         let mut whole = [0; 8];

@@ -3,43 +3,43 @@
 use testing::loom::sync::Arc;
 use testing::loom::thread;
 
-use crate::control::Waiting;
+use crate::backoff::Backoff;
+use crate::control::WaitStrategy;
 use crate::model::{Board, Event, WaitReasonWord, check, memory};
 use crate::transport::interface::Header;
 use crate::transport::lock_free::slots::{SlotReceiver, SlotSender, Slots};
-use crate::transport::lock_free::sync::{Ordering, lack};
+use crate::transport::lock_free::sync::{Ordering, weaken};
 use crate::transport::lock_free::wait_reason::{WaitReason, must_be_woken};
 use crate::transport::lock_free::words::Word;
-use crate::waiting::Patience;
 
 const SLOTS: Slots = Slots::new(8, 1);
 
-/// One end of a link, with what it has to sleep and to wake the other.
+/// One end of a link, with its wait reason, its event and those of the other end.
 struct End {
     words: Arc<Vec<Word>>,
     count: Arc<Board>,
-    patience: Patience,
+    backoff: Backoff,
     own: WaitReasonWord,
-    bed: Event,
+    event: Event,
     other: Arc<Board>,
     notifier: Event,
 }
 
 impl End {
-    /// Tries until it works, and sleeps in between at once: no spinning, no yielding.
+    /// Repeats `attempt` until it succeeds, and sleeps in between: no spinning, no yielding.
     fn until<T>(&mut self, what: WaitReason, mut attempt: impl FnMut(&[Word], &Board) -> Option<T>) -> T {
         loop {
             if let Some(done) = attempt(&self.words, &self.count) {
-                self.patience.rest(&mut self.own);
+                self.backoff.reset(&mut self.own);
                 return done;
             }
-            let slept = self.patience.pause(what, &mut self.own, &mut self.bed);
+            let slept = self.backoff.pause(what, &mut self.own, &mut self.event);
             slept.expect("an event");
         }
     }
 
-    fn wake(&self, came: WaitReason) {
-        if must_be_woken(&*self.other, |what| what == came) {
+    fn wake(&self, occurred: WaitReason) {
+        if must_be_woken(&*self.other, |what| what == occurred) {
             self.notifier.notify();
         }
     }
@@ -48,15 +48,15 @@ impl End {
 /// The sending and the receiving end of one link.
 fn ends() -> [End; 2] {
     let (words, count) = (memory(SLOTS.words()), Board::new(0));
-    let asleep = [Board::new(0), Board::new(0)];
+    let wait_reasons = [Board::new(0), Board::new(0)];
     let events = [Event::new(), Event::new()];
     [0, 1].map(|own| End {
         words: words.clone(),
         count: count.clone(),
-        patience: Patience::new(Waiting { spins: 0, yields: 0 }),
-        own: WaitReasonWord(asleep[own].clone()),
-        bed: events[own].clone(),
-        other: asleep[1 - own].clone(),
+        backoff: Backoff::new(WaitStrategy { spins: 0, yields: 0 }),
+        own: WaitReasonWord(wait_reasons[own].clone()),
+        event: events[own].clone(),
+        other: wait_reasons[1 - own].clone(),
         notifier: events[1 - own].clone(),
     })
 }
@@ -78,18 +78,18 @@ fn receive(end: &mut End, receiver: &mut SlotReceiver) -> u64 {
 }
 
 /// Sends `samples` through a ring for one; each end sleeps when it has to wait.
-fn send_sleeping(samples: u64, lacks: [Option<Ordering>; 2]) {
+fn send_sleeping(samples: u64, weakened: [Option<Ordering>; 2]) {
     check(3, move || {
         let [mut sending, mut receiving] = ends();
         let thread = thread::spawn(move || {
-            lack(lacks[0]);
+            weaken(weakened[0]);
             let mut sender = SlotSender::new(SLOTS);
             for index in 0..samples {
                 send(&mut sending, &mut sender, index);
                 sending.wake(WaitReason::for_sample(0));
             }
         });
-        lack(lacks[1]);
+        weaken(weakened[1]);
         let mut receiver = SlotReceiver::new(SLOTS);
         for index in 0..samples {
             assert_eq!(receive(&mut receiving, &mut receiver), index);
@@ -117,30 +117,30 @@ fn sleeper_requires_fence() {
 }
 
 /// The sender dies between its store and the wake-up. `noticed`: the orchestrator wakes the receiver.
-fn die_before_waking(noticed: bool) {
+fn die_before_wake_up(noticed: bool) {
     check(3, move || {
         let [mut sending, mut receiving] = ends();
         let notifier = sending.notifier.clone();
         let dying = thread::spawn(move || send(&mut sending, &mut SlotSender::new(SLOTS), 5));
         let orchestrator = thread::spawn(move || {
-            dying.join().expect("it dies in silence");
+            dying.join().expect("the thread does not panic");
             if noticed {
                 notifier.notify();
             }
         });
         assert_eq!(receive(&mut receiving, &mut SlotReceiver::new(SLOTS)), 5);
-        orchestrator.join().expect("it looked on");
+        orchestrator.join().expect("the orchestrator does not panic");
     });
 }
 
 #[test]
 fn receiver_wakes_when_sender_death_is_noticed() {
-    die_before_waking(true);
+    die_before_wake_up(true);
 }
 
-/// What the longest sleep of [`Patience`] is for: nothing else would end it before the death is noticed.
+/// The reason for the longest sleep of [`Backoff`]: nothing else ends the sleep before the death is noticed.
 #[test]
 #[should_panic(expected = "deadlock")]
 fn receiver_sleeps_until_sender_death_is_noticed() {
-    die_before_waking(false);
+    die_before_wake_up(false);
 }

@@ -25,7 +25,7 @@ impl<'a> Held<'a> {
     pub(super) fn new(source: &'a dyn Source, stream: usize, lead: &StreamSpec) -> Held<'a> {
         let spec = &source.streams()[stream];
         let times = || {
-            let base = Timebase::measuring([lead.offset, lead.period, spec.offset, spec.period]).ok()?;
+            let base = Timebase::from_times([lead.offset, lead.period, spec.offset, spec.period]).ok()?;
             let of = |spec: &StreamSpec| {
                 Some(SampleTime {
                     offset: base.ceil(spec.offset).ok()?,

@@ -101,11 +101,11 @@ impl Report {
             };
             let id: String = figure.id.chars().map(plain).collect();
             let path = dir.join(format!("{id}.svg"));
-            tape::write_whole(&path, figures::svg(&drawing)).map_err(failed(&path))?;
+            tape::write_atomic(&path, figures::svg(&drawing)).map_err(failed(&path))?;
             files.push(path);
             if let Some(png) = figures::png(&drawing, PIXELS_PER_POINT) {
                 let path = dir.join(format!("{id}.png"));
-                tape::write_whole(&path, png).map_err(failed(&path))?;
+                tape::write_atomic(&path, png).map_err(failed(&path))?;
                 files.push(path);
             }
         }

@@ -120,7 +120,7 @@ pub(super) fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bo
         scene,
         mut notes,
     } = made;
-    for torn in reader.torn() {
+    for torn in reader.incomplete_records() {
         notes.push(format!(
             "Stream {} ends in an incomplete record after {} complete ones.",
             torn.stream, torn.complete

@@ -123,7 +123,7 @@ impl Signal {
 }
 
 fn slice(spec: &StreamSpec, name: &str, part: Option<(usize, usize)>) -> Option<Slice> {
-    let (field, all) = spec.descriptor.named(name)?;
+    let (field, all) = spec.descriptor.resolve(name)?;
     let (from, to) = match part {
         None => (all.start, all.end),
         Some(part) if field.name == name => part,

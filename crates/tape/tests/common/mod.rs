@@ -9,16 +9,16 @@ use lockstep::time::{Rational, SampleTime, Timebase};
 use tape::StreamSpec;
 
 /// A folder of its own, removed at the end of the test.
-pub(crate) struct Scratch(pub(crate) PathBuf);
+pub(crate) struct TempFolder(pub(crate) PathBuf);
 
-impl Scratch {
+impl TempFolder {
     /// A path where nothing is yet.
-    pub(crate) fn new(name: &str) -> Scratch {
+    pub(crate) fn new(name: &str) -> TempFolder {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let unique = NEXT.fetch_add(1, Ordering::Relaxed);
         let path = std::env::temp_dir().join(format!("recorder-{name}-{}-{unique}", std::process::id()));
         std::fs::create_dir(&path).unwrap();
-        Scratch(path)
+        TempFolder(path)
     }
 
     pub(crate) fn join(&self, name: &str) -> PathBuf {
@@ -26,7 +26,7 @@ impl Scratch {
     }
 }
 
-impl Drop for Scratch {
+impl Drop for TempFolder {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
     }
@@ -80,7 +80,7 @@ pub(crate) fn spec(participant: &str, port: &str, descriptor: Descriptor, offset
 
 /// The exact stamp of sample `index`, s.
 pub(crate) fn stamp(spec: &StreamSpec, index: u64) -> f64 {
-    let base = Timebase::measuring([spec.offset, spec.period, Rational::from_millis(1)]).unwrap();
+    let base = Timebase::from_times([spec.offset, spec.period, Rational::from_millis(1)]).unwrap();
     let time = SampleTime {
         offset: base.ceil(spec.offset).unwrap(),
         period: base.ceil(spec.period).unwrap(),

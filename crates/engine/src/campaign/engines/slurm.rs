@@ -37,11 +37,11 @@ pub fn start(order: &Order<'_>) -> Result<String, CampaignError> {
     std::fs::create_dir_all(&log).map_err(failed(&log, "create the folder"))?;
     let list = order.root.join(format!("slurm-{first}-{}.list", order.shards.len()));
     let lines: String = order.shards.iter().map(|shard| format!("{shard}\n")).collect();
-    tape::write_whole(&list, lines).map_err(failed(&list, "write the file"))?;
+    tape::write_atomic(&list, lines).map_err(failed(&list, "write the file"))?;
     let script = order.root.join("slurm.sh");
     let text = "#!/bin/sh\n# A task of a job array: the line with its number in the list is its shard.\n\
                 exec \"$1\" \"$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" \"$2\")\"\n";
-    tape::write_whole(&script, text).map_err(failed(&script, "write the file"))?;
+    tape::write_atomic(&script, text).map_err(failed(&script, "write the file"))?;
     let mut command = Command::new("sbatch");
     command
         .args(["--parsable", "--job-name"])

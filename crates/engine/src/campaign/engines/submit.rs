@@ -88,7 +88,7 @@ impl Given {
     fn write(&self, root: &Path) -> Result<(), CampaignError> {
         let path = root.join("engine.json");
         let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
-        tape::write_whole(&path, text).map_err(failed(&path, "write the file"))
+        tape::write_atomic(&path, text).map_err(failed(&path, "write the file"))
     }
 
     /// Number of shards of the jobs.
@@ -293,7 +293,7 @@ fn script(root: &Path, bundle: &Bundle, of: usize, audit: f64, options: &Options
         options.workers.unwrap_or(1),
     );
     let path = root.join("shard.sh");
-    tape::write_whole(&path, text).map_err(failed(&path, "write the file"))?;
+    tape::write_atomic(&path, text).map_err(failed(&path, "write the file"))?;
     let mode = std::fs::Permissions::from_mode(0o755);
     std::fs::set_permissions(&path, mode).map_err(failed(&path, "make the file executable"))?;
     Ok(path)

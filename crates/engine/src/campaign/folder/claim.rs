@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
-use tape::folder::private;
+use tape::folder::private_dir_builder;
 
 use super::identity::{Identity, default_root, failed};
 use super::journal::{self, Journal};
@@ -132,7 +132,7 @@ impl Folder {
                 "is not empty and no campaign's: name a new folder with --out",
             ));
         }
-        let made = private().recursive(true).create(root);
+        let made = private_dir_builder().recursive(true).create(root);
         made.map_err(failed(root, "create the folder"))?;
         let lock = lock(root)?;
         if root.join("campaign.json").exists() {
@@ -241,7 +241,7 @@ impl Folder {
     /// Writes a file of the folder atomically.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<PathBuf, CampaignError> {
         let path = self.root.join(name);
-        tape::write_whole(&path, content).map_err(failed(&path, "write the file"))?;
+        tape::write_atomic(&path, content).map_err(failed(&path, "write the file"))?;
         Ok(path)
     }
 }

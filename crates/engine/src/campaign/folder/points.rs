@@ -56,11 +56,11 @@ impl Identity {
     /// Writes the points that belong to the folder `root` and its identity.
     pub(crate) fn write(&self, root: &Path, campaign: &Campaign) -> Result<(), CampaignError> {
         let path = root.join(FILE);
-        tape::write_whole(&path, self.rows(campaign)).map_err(failed(&path, "write the file"))?;
+        tape::write_atomic(&path, self.rows(campaign)).map_err(failed(&path, "write the file"))?;
         // The points first: a folder with this file is guaranteed to have them.
         let path = root.join("campaign.json");
         let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
-        tape::write_whole(&path, text).map_err(failed(&path, "write the file"))
+        tape::write_atomic(&path, text).map_err(failed(&path, "write the file"))
     }
 
     /// Whether the folder `root` has exactly these points.

@@ -4,7 +4,7 @@
 use std::cell::Cell;
 use std::sync::Arc;
 
-use lockstep::participant::{Pending, Stride};
+use lockstep::participant::{BatchStepper, PendingStep};
 
 use super::point::{Begun, Order, Result as PointResult, caught};
 use crate::Catalogue;
@@ -14,7 +14,7 @@ use crate::run::Abreast;
 pub struct Points {
     catalogue: Arc<Catalogue>,
     under_way: Vec<Point>,
-    stride: Stride,
+    stride: BatchStepper,
 }
 
 struct Point {
@@ -32,7 +32,7 @@ impl Points {
         Points {
             catalogue,
             under_way: Vec::new(),
-            stride: Stride::default(),
+            stride: BatchStepper::default(),
         }
     }
 
@@ -72,7 +72,8 @@ impl Points {
                     }
                 }
                 by_itself.set(None);
-                let mut pending: Vec<Pending> = under_way.iter_mut().filter_map(|point| point.run.pending()).collect();
+                let mut pending: Vec<PendingStep> =
+                    under_way.iter_mut().filter_map(|point| point.run.pending()).collect();
                 stride.step(&mut pending);
                 if !over.is_empty() || under_way.is_empty() {
                     break;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lockstep::participant::Pending;
+use lockstep::participant::PendingStep;
 
 use crate::run::handle::{Conduct, Run};
 use crate::run::options::Options;
@@ -38,7 +38,7 @@ impl Abreast {
     }
 
     /// The step that waits to be done.
-    pub(crate) fn pending(&mut self) -> Option<Pending<'_>> {
+    pub(crate) fn pending(&mut self) -> Option<PendingStep<'_>> {
         self.run.executor.pending()
     }
 

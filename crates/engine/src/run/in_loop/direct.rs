@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lockstep::transport::{Broken, Header, Recording};
+use lockstep::transport::{Header, Recording, TransportError};
 
 use crate::run::recording::recorder::Recorder;
 
@@ -15,7 +15,7 @@ pub struct Direct {
 }
 
 impl Recording for Direct {
-    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
+    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, TransportError> {
         let mut recorder = self.recorder.lock().unwrap_or_else(PoisonError::into_inner);
         // The stepper has made the header from the plan itself.
         recorder

@@ -3,10 +3,10 @@
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use lockstep::executor::{InLoop, Moment, Part, Reach, RunError, assemble};
-use lockstep::participant::{Log, Participant, Pending, Termination, state};
+use lockstep::executor::{InLoop, LocalParticipant, LoopEvent, RunError, StopReason, connect_locally};
+use lockstep::participant::{Log, Participant, PendingStep, Termination, state};
 use lockstep::plan::{Cut, Plan, Position};
-use lockstep::stepper::{Stepper, settle, terminate};
+use lockstep::stepper::{Stepper, prepare_to_resume, terminate};
 use lockstep::time::Ticks;
 use tape::folder::RunFolder;
 
@@ -87,7 +87,7 @@ pub(crate) fn set_up(
             for (number, (participant, position)) in participants.iter_mut().zip(&mut positions).enumerate() {
                 let state = position.state.take();
                 let t = instant(plan, number, position.next);
-                settle(
+                prepare_to_resume(
                     participant.as_mut(),
                     t,
                     true,
@@ -123,7 +123,7 @@ impl From<RunError> for Ending {
                 participant,
                 format!("failed at t = {t} s (activation {activation}): {source}"),
             ),
-            stuck @ RunError::Stuck { .. } => (ORCHESTRATOR.into(), stuck.to_string()),
+            deadlock @ RunError::Deadlock { .. } => (ORCHESTRATOR.into(), deadlock.to_string()),
         };
         Ending::Failed { participant, reason }
     }
@@ -144,8 +144,12 @@ fn make(scenario: &Scenario, entry: &Entry) -> Result<Box<dyn Participant>, RunF
     scenario.participant(entry)?.ok_or_else(|| outside(scenario, entry))
 }
 
-fn parts(plan: &Plan, participants: Vec<Box<dyn Participant>>, recorder: &Arc<Mutex<Recorder>>) -> Vec<Part> {
-    assemble(plan, participants, |participant| {
+fn parts(
+    plan: &Plan,
+    participants: Vec<Box<dyn Participant>>,
+    recorder: &Arc<Mutex<Recorder>>,
+) -> Vec<LocalParticipant> {
+    connect_locally(plan, participants, |participant| {
         Box::new(Direct {
             recorder: recorder.clone(),
             participant,
@@ -184,7 +188,7 @@ fn slot(
     let log = log(&run_state.plan, number, said);
     match (slot, now) {
         (Slot::Same(state), Some(mut participant)) => {
-            settle(participant.as_mut(), t, false, state.as_deref(), &log)
+            prepare_to_resume(participant.as_mut(), t, false, state.as_deref(), &log)
                 .map_err(|error| odd(&run_state.entries[number], error))?;
             Ok(Some(participant))
         }
@@ -201,7 +205,8 @@ fn slot(
                 let reason = format!("describes other ports than expected: {difference}");
                 return Err(odd(&entry, reason));
             }
-            settle(newcomer.as_mut(), t, true, state.as_deref(), &log).map_err(|error| odd(&entry, error))?;
+            prepare_to_resume(newcomer.as_mut(), t, true, state.as_deref(), &log)
+                .map_err(|error| odd(&entry, error))?;
             Ok(Some(newcomer))
         }
     }
@@ -231,16 +236,16 @@ impl Loop {
     }
 
     /// Runs the participants up to `horizon`, or up to the step of the participant that is to be held.
-    fn stretch(&mut self, run_state: &mut RunState, horizon: Ticks) -> Result<Reach, RunError> {
+    fn stretch(&mut self, run_state: &mut RunState, horizon: Ticks) -> Result<StopReason, RunError> {
         let Some(looped) = &mut self.looped else {
-            return Ok(Reach::Horizon);
+            return Ok(StopReason::Horizon);
         };
         let RunState { times, clock, .. } = run_state;
         let wants = times.wants();
-        let watch = |moment| match moment {
+        let watch = |event| match event {
             _ if !wants => {}
-            Moment::Begins => times.begins(),
-            Moment::Stepped {
+            LoopEvent::Started => times.begins(),
+            LoopEvent::Stepped {
                 participant,
                 activation,
             } => times.stepped(participant, activation, clock),
@@ -259,8 +264,8 @@ impl Executor for Loop {
         let reach = self.stretch(run_state, horizon);
         self.said.tell(&run_state.options.progress);
         let reach = reach?;
-        self.parked = (reach == Reach::Parked).then_some(horizon);
-        if reach == Reach::Parked {
+        self.parked = (reach == StopReason::Deferred).then_some(horizon);
+        if reach == StopReason::Deferred {
             return Ok(Turn::Parked);
         }
         let (plan, reached) = (run_state.plan.clone(), self.reached);
@@ -278,7 +283,7 @@ impl Executor for Loop {
             let reason = flood();
             return Err(Ending::Failed { participant, reason });
         }
-        if reach == Reach::Held
+        if reach == StopReason::Held
             && let Some(held) = self.held()
         {
             let at = held.next_instant();
@@ -315,10 +320,10 @@ impl Executor for Loop {
     }
 
     fn park(&mut self) {
-        self.looped.iter_mut().for_each(InLoop::park);
+        self.looped.iter_mut().for_each(InLoop::defer_steps);
     }
 
-    fn pending(&mut self) -> Option<Pending<'_>> {
+    fn pending(&mut self) -> Option<PendingStep<'_>> {
         self.looped.as_mut()?.pending()
     }
 
@@ -368,7 +373,7 @@ impl Executor for Loop {
             // The other participants are not affected when a slot gets another program.
             for (number, one) in slots.into_iter().enumerate() {
                 if let Slot::New(..) = one {
-                    looped.retire(number);
+                    looped.notify_replaced(number);
                 }
                 if let Some(newcomer) = slot(run_state, number, cut.next[number], one, None, &self.said)? {
                     looped.replace(number, newcomer);
@@ -435,7 +440,7 @@ impl Executor for Loop {
 
     fn answer(&mut self, output: usize, payload: &[u8]) {
         if let (Some(looped), Some(number)) = (&mut self.looped, self.hold) {
-            looped.answer(number, output, payload);
+            looped.set_output(number, output, payload);
         }
     }
 

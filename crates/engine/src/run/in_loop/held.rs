@@ -60,7 +60,7 @@ impl Run {
         let number = find(port, "input", input, inputs.iter().map(|one| &one.name))?;
         let descriptor = inputs[number].descriptor.clone();
         let mut payload = Payload::zeroed(descriptor.size as usize);
-        payload.bytes_mut().copy_from_slice(own.shown(number));
+        payload.bytes_mut().copy_from_slice(own.input_value(number));
         Ok(Sample {
             name: port.to_owned(),
             descriptor,
@@ -110,7 +110,7 @@ impl Run {
             ));
         }
         if let Some(invalid) = descriptor.invalid(payload).next() {
-            return refuse(format!("cannot be given {}", invalid.words("a value")));
+            return refuse(format!("cannot be given {}", invalid.describe("a value")));
         }
         self.give(number, payload)
     }
@@ -118,7 +118,7 @@ impl Run {
     /// What input number `input` shows to the participant that is held, without a lookup by name; `None` if no participant is held.
     pub fn shown_at(&self, input: usize) -> Option<&[u8]> {
         let own = self.executor.held()?;
-        (input < own.assignment().interface.inputs.len()).then(|| own.shown(input))
+        (input < own.assignment().interface.inputs.len()).then(|| own.input_value(input))
     }
 
     /// Gives output number `output` of the participant that is held, without a lookup by name. A value that is not finite ends the

@@ -1,7 +1,7 @@
 //! How well a run keeps pace with the wall clock: how late the steps of each participant are, and which participant is the cause.
 
 use lockstep::plan::Plan;
-use lockstep::span::{Doing, Span};
+use lockstep::span::{Span, SpanActivity};
 use lockstep::time::Ticks;
 
 use super::horizon::ClockController;
@@ -53,7 +53,9 @@ impl Watchman {
 
     /// Evaluates a span of participant number `number`. The clock has looked for suspensions since the end of the span.
     pub(crate) fn look(&mut self, number: usize, span: &Span, clock: &ClockController, plan: &Plan) {
-        let Doing::Computing { done } = span.doing else { return };
+        let SpanActivity::Computing { done } = span.activity else {
+            return;
+        };
         let participant = &plan.participants[number];
         if span.activation >= participant.activations {
             return;
@@ -216,7 +218,7 @@ mod tests {
     fn step(activation: u64, begin: u64, end: u64) -> Span {
         Span {
             activation,
-            doing: Doing::Computing { done: true },
+            activity: SpanActivity::Computing { done: true },
             core: 0,
             sleeps: 0,
             begin_ns: begin * MS,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lockstep::plan::Plan;
-use lockstep::span::{Detail, Doing, Span, core, now_ns};
+use lockstep::span::{Detail, Span, SpanActivity, core, now_ns};
 
 use super::horizon::ClockController;
 use super::lateness::Watchman;
@@ -81,7 +81,7 @@ impl Times {
     pub(crate) fn stepped(&mut self, number: usize, activation: u64, clock: &ClockController) {
         let span = Span {
             activation,
-            doing: Doing::Computing { done: true },
+            activity: SpanActivity::Computing { done: true },
             core: core(),
             sleeps: 0,
             begin_ns: self.begun_ns,

@@ -8,9 +8,9 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use lockstep::plan::Plan;
-use lockstep::span::{Doing, Span, now_ns};
+use lockstep::span::{Span, SpanActivity, now_ns};
 use serde_json::{Value, json};
-use tape::folder::note_outputs;
+use tape::folder::record_outputs;
 
 use super::traced::Traced;
 use crate::run::outcome::RunFailure;
@@ -53,7 +53,7 @@ impl Trace {
         )
         .map_err(refuse)?;
         // In the run's own folder it belongs to the run, also if the program is killed.
-        note_outputs(&[path.to_owned()], true)?;
+        record_outputs(&[path.to_owned()], true)?;
         Ok(Trace {
             path: path.to_owned(),
             file,
@@ -88,16 +88,18 @@ impl Trace {
     fn span(&mut self, number: usize, span: &Span, plan: &Plan) {
         let participant = &plan.participants[number];
         self.name_row(number, span.core, &participant.name);
-        let (name, kind, what) = match span.doing {
-            Doing::Computing { done } => (format!("step {}", span.activation), "step", json!({ "complete": done })),
-            Doing::Sample { link, index } => {
+        let (name, kind, what) = match span.activity {
+            SpanActivity::Computing { done } => {
+                (format!("step {}", span.activation), "step", json!({ "complete": done }))
+            }
+            SpanActivity::Sample { link, index } => {
                 let link = plan.links_into(number).nth(link as usize).map(|link| &plan.links[link]);
                 let name = link.map_or("", |link| participant.interface.inputs[link.to.1].name.as_str());
                 let source = link.map(|link| plan.output_name(link.from));
                 let what = json!({ "input": name, "output": source, "sample": index });
                 (format!("waits for `{name}`"), "wait", what)
             }
-            Doing::Room { output, consumer } => {
+            SpanActivity::Room { output, consumer } => {
                 let name = participant.interface.outputs.get(output as usize);
                 let name = name.map_or("", |output| output.name.as_str());
                 let consumer = plan
@@ -112,8 +114,8 @@ impl Trace {
                     json!({ "output": name, "reader": reader }),
                 )
             }
-            Doing::Recorder => ("waits for the recorder".to_owned(), "wait", json!({})),
-            Doing::Horizon => ("waits for granted time".to_owned(), "wait", json!({})),
+            SpanActivity::Recorder => ("waits for the recorder".to_owned(), "wait", json!({})),
+            SpanActivity::Horizon => ("waits for granted time".to_owned(), "wait", json!({})),
         };
         let mut args = json!({ "activation": span.activation, "core": span.core });
         if span.activation < participant.activations {
@@ -180,7 +182,7 @@ impl Trace {
             .take()
             .map_or_else(|| self.file.write_all(b"\n]}\n").and_then(|()| self.file.flush()), Err);
         // Where this fails, the note of its beginning remains.
-        let _ = note_outputs(std::slice::from_ref(&self.path), false);
+        let _ = record_outputs(std::slice::from_ref(&self.path), false);
         Traced {
             path: self.path,
             spans: self.written,
@@ -211,7 +213,7 @@ mod tests {
         trace.events = 10;
         let span = |activation| Span {
             activation,
-            doing: Doing::Computing { done: true },
+            activity: SpanActivity::Computing { done: true },
             core: 1,
             sleeps: 0,
             begin_ns: 0,

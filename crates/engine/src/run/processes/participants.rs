@@ -3,12 +3,12 @@
 use std::borrow::Borrow;
 use std::time::{Duration, Instant};
 
-use lockstep::control::{ParticipantEvent, Reply, Request, Timing};
+use lockstep::control::{ParticipantEvent, Reply, Request, WallTimeBreakdown};
 use lockstep::plan::Plan;
 use lockstep::span::{Detail, Span};
 use lockstep::time::Ticks;
-use lockstep::transport::Broken;
-use lockstep::transport::iceoryx::{Asked, Domain, Recorded, WaitReason};
+use lockstep::transport::TransportError;
+use lockstep::transport::iceoryx::{Domain, PendingRequest, Recorded, WaitReason};
 
 use super::child::Participant;
 use super::descriptions;
@@ -54,7 +54,7 @@ pub(crate) struct ParticipantHandle {
     /// How long the participant may take to enter the run, and to answer a request.
     within: Duration,
     /// How its wall time was spent; known when it is done.
-    pub(crate) timing: Option<Timing>,
+    pub(crate) timing: Option<WallTimeBreakdown>,
     /// The reason for its failure, as it reported it.
     pub(crate) failed: Option<ParticipantEvent>,
     at_rest: Option<Ticks>,
@@ -129,7 +129,7 @@ impl ParticipantHandle {
     }
 
     /// Takes a batch of the participant's record. Notes about progress are checked against the plan and the samples on the tape.
-    pub(crate) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<Taken, Broken> {
+    pub(crate) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<Taken, TransportError> {
         let mut news = false;
         let ParticipantHandle {
             ports,
@@ -211,7 +211,7 @@ impl ParticipantHandle {
 
 /// A request under way, with what is monitored until the reply comes.
 struct Pending<'a> {
-    asked: Asked<'a>,
+    asked: PendingRequest<'a>,
     process: &'a mut Participant,
     within: Duration,
     patience: Patience,
@@ -260,7 +260,7 @@ pub(crate) fn ask_all<R: Borrow<Request>>(
         } = handle;
         ports.notifier.notify();
         let when = when(request.borrow());
-        let asked = ports.control.begin(request.borrow());
+        let asked = ports.control.begin_request(request.borrow());
         all.push(Pending {
             asked: asked.map_err(|broken| unusable(process, when, &broken))?,
             process,
@@ -290,7 +290,7 @@ pub(crate) fn ask_all<R: Borrow<Request>>(
         if waited.is_err() || refused || all.iter().all(|one| one.reply.is_some()) {
             break;
         }
-        std::thread::sleep(Asked::LOOK);
+        std::thread::sleep(PendingRequest::POLL_INTERVAL);
     }
     let replies: Vec<Reply> = all.into_iter().map_while(|one| one.reply).collect();
     for (number, (handle, reply)) in handles.iter_mut().zip(replies).enumerate() {
@@ -312,7 +312,7 @@ fn when(request: &Request) -> &'static str {
 }
 
 /// The failure of a participant whose reply cannot be used.
-fn unusable(process: &Participant, when: &str, broken: &Broken) -> RunFailure {
+fn unusable(process: &Participant, when: &str, broken: &TransportError) -> RunFailure {
     RunFailure::Participant {
         participant: process.name.clone(),
         reason: quoted(&format!("gave no answer that can be used {when}: {broken}")),
@@ -420,7 +420,7 @@ pub(crate) fn start(
 
 /// Waits until the participant has entered the run; `waited` counts from the start of all programs.
 pub(crate) fn arrive(handle: &mut ParticipantHandle, waited: &mut Awake, monitor: &Monitor) -> Result<(), RunFailure> {
-    while !handle.ports.control.present() {
+    while !handle.ports.control.has_server() {
         let process = &mut handle.process;
         let late = waited.at(Instant::now()) > handle.within;
         if process.ended().is_some() || monitor.failure().is_some() || late {

@@ -1,8 +1,8 @@
 //! Placement: which participant runs on which core, and how each waits. Both are decided together: a participant that spins on a
 //! shared core keeps the core from the very process that it waits for, and the run becomes a thousand times slower.
 
-use lockstep::control::Waiting;
-use lockstep::plan::{self, Plan, place, place_apart};
+use lockstep::control::WaitStrategy;
+use lockstep::plan::{self, Plan, place, place_separately};
 
 use crate::run::options::{Options, Wait};
 
@@ -12,7 +12,7 @@ pub struct Placement {
     /// The core of each participant; `None` leaves the choice to the operating system.
     pub cores: Vec<Option<usize>>,
     /// How each participant waits.
-    pub waiting: Vec<Waiting>,
+    pub waiting: Vec<WaitStrategy>,
     /// The reason for the choice, in words.
     pub reason: String,
     /// A request that cannot be met here, in one line.
@@ -34,7 +34,7 @@ impl Placement {
     }
 
     fn among(plan: &Plan, cores: &[usize], wait: Wait, no_placement: bool) -> Placement {
-        let apart = (wait == Wait::Spin).then(|| place_apart(plan, cores)).flatten();
+        let apart = (wait == Wait::Spin).then(|| place_separately(plan, cores)).flatten();
         let denied = (wait == Wait::Spin && apart.is_none()).then(|| {
             let (count, cores) = (plan.participants.len(), cores.len());
             format!(
@@ -63,16 +63,16 @@ impl Placement {
 }
 
 /// How a participant waits that is one of `sharing` participants on its core.
-fn strategy(wait: Wait, sharing: usize) -> Waiting {
+fn strategy(wait: Wait, sharing: usize) -> WaitStrategy {
     match wait {
         Wait::Auto => match sharing {
-            0 | 1 => Waiting::SPIN,
-            2..=4 => Waiting::YIELD,
-            _ => Waiting::OVERSUBSCRIBED,
+            0 | 1 => WaitStrategy::SPIN,
+            2..=4 => WaitStrategy::YIELD,
+            _ => WaitStrategy::OVERSUBSCRIBED,
         },
-        Wait::Yield => Waiting::YIELD,
-        Wait::Spin => Waiting::SPIN,
-        Wait::Sleep => Waiting::SLEEP,
+        Wait::Yield => WaitStrategy::YIELD,
+        Wait::Spin => WaitStrategy::SPIN,
+        Wait::Sleep => WaitStrategy::SLEEP,
     }
 }
 
@@ -112,7 +112,7 @@ mod tests {
                 timing: Timing::default(),
                 initial: None,
                 conversion: None,
-                draws: None,
+                random_stream: None,
                 faults: Vec::new(),
             })
             .collect();
@@ -137,7 +137,7 @@ mod tests {
                     let denied = wait == Wait::Spin && there < count;
                     assert_eq!(placement.denied.is_some(), denied, "{count} on {there}, {name}");
                     if wait == Wait::Spin && !denied {
-                        assert_eq!(placement.waiting, vec![Waiting::SPIN; count], "{count} on {there}");
+                        assert_eq!(placement.waiting, vec![WaitStrategy::SPIN; count], "{count} on {there}");
                     }
                     let free = Placement::among(&plan, &cores, wait, true);
                     assert_eq!((free.cores, free.waiting), (vec![None; count], placement.waiting));

@@ -92,8 +92,8 @@ pub fn describe(plan: &Plan) -> String {
     let (needs, room) = (footprint(plan), Room::now());
     format!(
         "shared memory: {} in {SHARED_MEMORY} at least, {} if there is enough; {} of {} are free",
-        mib(needs.least()),
-        mib(needs.best()),
+        mib(needs.minimum()),
+        mib(needs.optimum()),
         mib(room.free),
         mib(room.size)
     )
@@ -103,8 +103,8 @@ pub fn describe(plan: &Plan) -> String {
 pub fn figures(plan: &Plan) -> serde_json::Value {
     let (needs, room) = (footprint(plan), Room::now());
     serde_json::json!({
-        "least_bytes": needs.least(),
-        "best_bytes": needs.best(),
+        "least_bytes": needs.minimum(),
+        "best_bytes": needs.optimum(),
         "free_bytes": room.free,
         "open_files": needs.files,
     })
@@ -174,8 +174,8 @@ pub(crate) struct Reserved {
 /// The sizes of rings when `free` bytes are free: all rings are reduced from the best size by the same fraction, and they use at
 /// most half of what the least sizes leave, because other runs may start.
 fn rings(needs: &Footprint, free: u64) -> Vec<u32> {
-    let spare = free.saturating_sub(needs.least()) / 2;
-    let extra = (needs.best() - needs.least()).max(1);
+    let spare = free.saturating_sub(needs.minimum()) / 2;
+    let extra = (needs.optimum() - needs.minimum()).max(1);
     let share = |room: &std::ops::RangeInclusive<u64>| {
         let more = (room.end() - room.start()) as u128 * u128::from(spare.min(extra)) / u128::from(extra);
         // Rounding down to whole pages keeps the sum within `spare`.
@@ -203,10 +203,10 @@ pub(crate) fn enough_to_move(plan: &Plan) -> Result<(), RunFailure> {
 pub(crate) fn rings_now(plan: &Plan) -> Result<Vec<u32>, RunFailure> {
     let (mut needs, room) = (footprint(plan), Room::now());
     needs.services = 0;
-    if needs.least() > room.free {
+    if needs.minimum() > room.free {
         return Err(RunFailure::Room(format!(
             "shared memory: what participants record needs {}, and {}",
-            mib(needs.least()),
+            mib(needs.minimum()),
             words()
         )));
     }
@@ -229,7 +229,7 @@ pub(crate) fn check(plan: &Plan, moves: bool) -> Result<(), RunFailure> {
 
 /// The least free shared memory with which a run starts.
 fn least(needs: &Footprint, moves: bool) -> u64 {
-    needs.least() + SPARE + if moves { needs.services } else { 0 }
+    needs.minimum() + SPARE + if moves { needs.services } else { 0 }
 }
 
 /// Checks that there is room for a run of `plan`, and reserves it in a file in `folder`. `moves` says that the run may be resumed,
@@ -237,7 +237,7 @@ fn least(needs: &Footprint, moves: bool) -> u64 {
 pub(crate) fn reserve(plan: &Plan, folder: &Path, moves: bool) -> Result<Reserved, RunFailure> {
     let needs = footprint(plan);
     let (room, least) = (Room::now(), least(&needs, moves));
-    let more = least - needs.least();
+    let more = least - needs.minimum();
     if least > room.free {
         return Err(too_little(plan, &needs, least, room));
     }
@@ -287,7 +287,7 @@ fn too_little(plan: &Plan, needs: &Footprint, least: u64, room: Room) -> RunFail
     let (participants, links) = (plan.participants.len() as u64, plan.links.len());
     let fit = participants * room.free.saturating_sub(SPARE) / least;
     let used = room.size - room.free.min(room.size);
-    let size = (used + least.max(needs.least() + SPARE)).div_ceil(1 << 20);
+    let size = (used + least.max(needs.minimum() + SPARE)).div_ceil(1 << 20);
     RunFailure::Room(format!(
         "shared memory: {participants} participants with {links} links need {} in {SHARED_MEMORY}, and {} of {} are free, enough for about {fit} of \
          the participants: make it {size} MiB, such as with docker run --shm-size={size}m or mount -o remount,size={size}m {SHARED_MEMORY}",

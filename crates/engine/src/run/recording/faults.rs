@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use lockstep::fault::Span;
+use lockstep::fault::FaultWindow;
 use lockstep::plan::Plan;
 use lockstep::time::Ticks;
 use tape::{Event, EventKind};
@@ -12,7 +12,7 @@ pub struct Notice<'a> {
     /// Its name.
     pub name: &'a str,
     /// When it is active.
-    pub span: Span,
+    pub span: FaultWindow,
     /// What it does, and to which signal or connection.
     pub words: &'a str,
     /// The participant whose signal it disturbs; `None` for a connection.
@@ -21,9 +21,9 @@ pub struct Notice<'a> {
 
 /// The faults of a plan, each once, in the order of their start times.
 pub fn notices(plan: &Plan) -> Vec<Notice<'_>> {
-    use lockstep::fault::Place;
+    use lockstep::fault::FaultPort;
     let signals = plan.faults.iter().map(|fault| {
-        let (Place::Input { participant, .. } | Place::Output { participant, .. }) = fault.place;
+        let (FaultPort::Input { participant, .. } | FaultPort::Output { participant, .. }) = fault.place;
         Notice {
             name: &fault.name,
             span: fault.span,

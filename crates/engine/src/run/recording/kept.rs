@@ -12,7 +12,7 @@ impl Kept {
     /// Every sample.
     pub const WHOLE: Kept = Kept(Observed::ALL);
     /// No sample: the stream is not on the tape.
-    pub const NOTHING: Kept = Kept(Observed::NOTHING);
+    pub const NOTHING: Kept = Kept(Observed::NONE);
 
     /// Of every `every`th sample, those from number `first` to before `end`.
     pub const fn part(every: u64, first: u64, end: u64) -> Kept {

@@ -30,7 +30,7 @@ impl Observers<'_> {
             if self.all || replaced || read || guarded {
                 return Observed::ALL;
             }
-            self.kept.map_or(Observed::NOTHING, |kept| kept[stream].observed())
+            self.kept.map_or(Observed::NONE, |kept| kept[stream].observed())
         };
         streams.iter().enumerate().map(one).collect()
     }

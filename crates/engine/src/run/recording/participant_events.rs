@@ -1,7 +1,7 @@
 //! Checks of the events in which participants report their progress against the plan and their recorded samples.
 
 use lockstep::time::Ticks;
-use lockstep::transport::Broken;
+use lockstep::transport::TransportError;
 
 use super::recorder::{Recorder, samples};
 
@@ -10,12 +10,12 @@ impl Recorder {
     ///
     /// # Errors
     /// The contradiction, in words that follow the participant's name.
-    pub fn finished(&self, participant: usize) -> Result<(), Broken> {
+    pub fn finished(&self, participant: usize) -> Result<(), TransportError> {
         let own = &self.plan.participants[participant];
         let says = "reports that it has finished";
         let last = own.activations.checked_sub(1).map(|last| own.sample_time.instant(last));
         if last.is_some_and(|last| last >= self.granted) {
-            return Err(Broken(format!(
+            return Err(TransportError(format!(
                 "{says}; it is granted no time after t = {} s",
                 self.plan.timebase.seconds(self.granted)
             )));
@@ -27,11 +27,11 @@ impl Recorder {
     ///
     /// # Errors
     /// As [`Recorder::finished`].
-    pub fn rests(&self, participant: usize, horizon: Ticks, next: u64) -> Result<(), Broken> {
+    pub fn rests(&self, participant: usize, horizon: Ticks, next: u64) -> Result<(), TransportError> {
         let t = self.plan.timebase.seconds(horizon);
         let says = format!("reports that it rests at t = {t} s");
         if horizon > self.granted {
-            return Err(Broken(format!(
+            return Err(TransportError(format!(
                 "{says}; it is granted no time after t = {} s",
                 self.plan.timebase.seconds(self.granted)
             )));
@@ -40,7 +40,7 @@ impl Recorder {
         let before = own.sample_time.count_before(horizon.min(self.plan.end));
         let right = before.max(self.base[participant]);
         if next != right {
-            return Err(Broken(format!(
+            return Err(TransportError(format!(
                 "{says} before its activation {next}; by the plan it rests there before activation {right}"
             )));
         }
@@ -51,11 +51,11 @@ impl Recorder {
     ///
     /// # Errors
     /// As [`Recorder::finished`].
-    pub fn recalled(&self, participant: usize, next: u64) -> Result<(), Broken> {
+    pub fn recalled(&self, participant: usize, next: u64) -> Result<(), TransportError> {
         let (least, most) = (self.base[participant], self.plan.participants[participant].activations);
         let says = format!("reports that it rests before its activation {next}");
         if !(least..=most).contains(&next) {
-            return Err(Broken(format!(
+            return Err(TransportError(format!(
                 "{says}, of those from {least} to {most} that it may have reached"
             )));
         }
@@ -63,13 +63,13 @@ impl Recorder {
     }
 
     /// Checks that the participant has recorded exactly the samples of the activations before `next`.
-    fn stands_at(&self, participant: usize, next: u64, says: &str) -> Result<(), Broken> {
+    fn stands_at(&self, participant: usize, next: u64, says: &str) -> Result<(), TransportError> {
         let owned = self.owners.iter().enumerate();
         for (stream, _) in owned.filter(|(_, owner)| **owner == participant) {
             let (due, right) = (self.reached[stream], samples(&self.plan, stream, participant, next));
             if due != right {
                 let name = self.name(stream);
-                return Err(Broken(format!(
+                return Err(TransportError(format!(
                     "{says}, and has recorded {due} samples of `{name}` where the plan has {right}"
                 )));
             }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use lockstep::participant::Payload;
 use lockstep::plan::{Cut, Plan};
 use lockstep::time::Ticks;
-use lockstep::transport::{Broken, Header};
+use lockstep::transport::{Header, TransportError};
 use tape::{AppendError, Digest, Event, EventKind};
 
 use super::faults;
@@ -189,15 +189,15 @@ impl Recorder {
     }
 
     /// Compares a sample that comes again with the one on the tape, if it is there.
-    fn same_again(&self, again: &Played, number: usize, header: Header, payload: &[u8]) -> Result<(), Broken> {
+    fn same_again(&self, again: &Played, number: usize, header: Header, payload: &[u8]) -> Result<(), TransportError> {
         let before = again
             .payload(number as u32, header.index)
-            .map_err(|error| Broken(error.to_string()))?;
+            .map_err(|error| TransportError(error.to_string()))?;
         let Some(before) = before.filter(|before| before != payload) else {
             return Ok(());
         };
         let spec = &streams(&self.plan)[number];
-        Err(Broken(format!(
+        Err(TransportError(format!(
             "is not deterministic, so it cannot be restarted: sample #{} of `{}` came again with {}",
             header.index,
             spec.name(),
@@ -207,10 +207,16 @@ impl Recorder {
 
     /// Records one sample that `participant` reports as published. The sample comes from another process: a wrong stream, index,
     /// stamp or size is that participant's fault, and is returned as an error in words.
-    pub fn sample(&mut self, participant: usize, stream: u32, header: Header, payload: &[u8]) -> Result<(), Broken> {
+    pub fn sample(
+        &mut self,
+        participant: usize,
+        stream: u32,
+        header: Header,
+        payload: &[u8],
+    ) -> Result<(), TransportError> {
         let number = stream as usize;
         if self.owners.get(number) != Some(&participant) {
-            return Err(Broken(format!(
+            return Err(TransportError(format!(
                 "recorded a sample of stream {stream}, which is not its own"
             )));
         }
@@ -220,7 +226,7 @@ impl Recorder {
                 self.plan.timebase.seconds(header.stamp),
                 self.plan.timebase.seconds(due),
             );
-            return Err(Broken(format!(
+            return Err(TransportError(format!(
                 "recorded sample #{} stamped {stamp} s; its stamp must be {due} s",
                 header.index
             )));
@@ -230,7 +236,13 @@ impl Recorder {
     }
 
     /// Records the next sample of a stream of `participant`; its header is known to be right.
-    pub fn take(&mut self, participant: usize, number: usize, header: Header, payload: &[u8]) -> Result<(), Broken> {
+    pub fn take(
+        &mut self,
+        participant: usize,
+        number: usize,
+        header: Header,
+        payload: &[u8],
+    ) -> Result<(), TransportError> {
         if payload.is_empty() {
             return self.pass(number, header);
         }
@@ -250,18 +262,18 @@ impl Recorder {
             Err(error @ (AppendError::Io { .. } | AppendError::DiskFull { .. })) => {
                 let text = error.to_string();
                 self.error = Some(error);
-                return Err(Broken(text));
+                return Err(TransportError(text));
             }
-            Err(error) => return Err(Broken(format!("recorded {error}"))),
+            Err(error) => return Err(TransportError(format!("recorded {error}"))),
         }
         self.counts(number);
         self.regard(participant, number, header, stamp, payload)
     }
 
     /// Counts a sample that is not observed; its participant has sent only the header.
-    fn pass(&mut self, number: usize, header: Header) -> Result<(), Broken> {
+    fn pass(&mut self, number: usize, header: Header) -> Result<(), TransportError> {
         if self.plan.observed(number).contains(header.index) {
-            return Err(Broken(format!(
+            return Err(TransportError(format!(
                 "recorded sample #{} of `{}` without a payload, which only a sample that is not observed may be",
                 header.index,
                 self.name(number)
@@ -284,7 +296,7 @@ impl Recorder {
         header: Header,
         stamp_s: f64,
         payload: &[u8],
-    ) -> Result<(), Broken> {
+    ) -> Result<(), TransportError> {
         if let Some(assessment) = self.assessment.as_mut().filter(|_| self.read[number]) {
             assessment.sample(number, stamp_s, payload);
         }
@@ -304,7 +316,7 @@ impl Recorder {
     }
 
     /// Registers that samples with the stamp `stamp` have come.
-    pub(crate) fn advance(&mut self, stamp: Ticks) -> Result<(), Broken> {
+    pub(crate) fn advance(&mut self, stamp: Ticks) -> Result<(), TransportError> {
         if stamp > self.newest {
             self.newest = stamp;
             self.tell_of_faults()?;
@@ -313,7 +325,7 @@ impl Recorder {
     }
 
     /// Checks that sample `index` of stream number `stream` is the next one, and that its activation lies before the granted time.
-    fn is_due(&self, participant: usize, stream: usize, index: u64) -> Result<(), Broken> {
+    fn is_due(&self, participant: usize, stream: usize, index: u64) -> Result<(), TransportError> {
         let (own, due) = (&self.plan.participants[participant], self.reached[stream]);
         let activation = index.checked_sub(self.early[stream]);
         let granted = activation.is_none_or(|k| k < own.activations && own.sample_time.instant(k) < self.granted);
@@ -321,7 +333,7 @@ impl Recorder {
             return Ok(());
         }
         let name = self.name(stream);
-        Err(Broken(if index != due {
+        Err(TransportError(if index != due {
             format!("recorded stream `{name}`: sample {index} came where sample {due} was due")
         } else if let Some(k) = activation.filter(|&k| k < own.activations) {
             format!(
@@ -335,7 +347,7 @@ impl Recorder {
     }
 
     /// Records the faults that begin or end by now.
-    fn tell_of_faults(&mut self) -> Result<(), Broken> {
+    fn tell_of_faults(&mut self) -> Result<(), TransportError> {
         while self.faults.front().is_some_and(|(when, _)| *when <= self.newest) {
             let Some((_, event)) = self.faults.pop_front() else {
                 break;
@@ -343,7 +355,7 @@ impl Recorder {
             if let Err(error) = self.store.event(&event) {
                 let text = error.to_string();
                 self.error = Some(error);
-                return Err(Broken(text));
+                return Err(TransportError(text));
             }
         }
         Ok(())

@@ -114,9 +114,9 @@ impl Store {
     /// Keeps the first `counts` samples of each stream and no event.
     pub(crate) fn cut_back(&mut self, counts: &[u64]) -> Result<(), AppendError> {
         match self {
-            Store::Disk(writer) => writer.cut_back(counts),
+            Store::Disk(writer) => writer.truncate(counts),
             Store::Memory { tape, events } => {
-                tape.cut_back(counts);
+                tape.truncate(counts);
                 events.clear();
                 Ok(())
             }

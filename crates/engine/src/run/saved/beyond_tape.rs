@@ -1,6 +1,6 @@
 //! The data that is needed to resume a run and is not on its tape.
 
-use lockstep::plan::Backlog;
+use lockstep::plan::InFlightSample;
 use serde::{Deserialize, Serialize};
 
 use crate::run::recording::guard;
@@ -12,7 +12,7 @@ pub struct Rest {
     pub counts: Vec<u64>,
     /// For each stream, the samples that are still needed and are not on the tape, oldest first. Their stamps follow from their
     /// indices.
-    pub samples: Vec<Vec<Backlog>>,
+    pub samples: Vec<Vec<InFlightSample>>,
     /// The state of the assessment and the measures.
     pub assessment: Option<Vec<u8>>,
     /// The state of each guard.
@@ -43,7 +43,7 @@ pub(crate) struct Recent {
 struct Track {
     size: usize,
     /// The samples before `first` that are still needed.
-    old: Vec<Backlog>,
+    old: Vec<InFlightSample>,
     /// The index of the first of `count` samples in a row.
     first: u64,
     count: u64,
@@ -96,7 +96,7 @@ impl Recent {
     }
 
     /// Keeps, of the first `before` samples of each stream, those in `needed` and no others.
-    pub(crate) fn keep(&mut self, before: &[u64], needed: &[Vec<Backlog>]) {
+    pub(crate) fn keep(&mut self, before: &[u64], needed: &[Vec<InFlightSample>]) {
         self.bytes = 0;
         for (stream, track) in self.tracks.iter_mut().enumerate() {
             let Some(track) = track else { continue };
@@ -111,7 +111,7 @@ impl Recent {
     }
 
     /// Goes back: the next samples are those after `needed`.
-    pub(crate) fn go_back(&mut self, needed: &[Vec<Backlog>]) {
+    pub(crate) fn go_back(&mut self, needed: &[Vec<InFlightSample>]) {
         self.bytes = 0;
         for (track, needed) in self.tracks.iter_mut().zip(needed) {
             if let Some(track) = track {
@@ -123,7 +123,7 @@ impl Recent {
     }
 }
 
-fn find(samples: &[Backlog], index: u64) -> Option<&[u8]> {
+fn find(samples: &[InFlightSample], index: u64) -> Option<&[u8]> {
     let at = samples.binary_search_by_key(&index, |sample| sample.index).ok()?;
     Some(&samples[at].payload)
 }
@@ -144,7 +144,7 @@ mod tests {
             (recent.get(0, 2), recent.get(0, 10), recent.get(1, 4)),
             (None, None, None)
         );
-        let sample = |index: u8| Backlog {
+        let sample = |index: u8| InFlightSample {
             index: index.into(),
             payload: vec![index, 1],
         };

@@ -204,7 +204,7 @@ impl Checkpoint {
         fs::create_dir_all(folder).map_err(io(folder))?;
         let name = self.time.to_string().replace(' ', "").replace('/', "-");
         let path = folder.join(format!("{name}{ENDING}"));
-        tape::write_whole(&path, self.encode()?).map_err(io(&path))?;
+        tape::write_atomic(&path, self.encode()?).map_err(io(&path))?;
         Ok(path)
     }
 
@@ -257,7 +257,7 @@ impl Checkpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lockstep::plan::Backlog;
+    use lockstep::plan::InFlightSample;
 
     fn checkpoint() -> Checkpoint {
         Checkpoint {
@@ -273,7 +273,7 @@ mod tests {
     }
 
     fn with_rest() -> Checkpoint {
-        let sample = Backlog {
+        let sample = InFlightSample {
             index: 7,
             payload: vec![5, 6],
         };

@@ -44,7 +44,7 @@ impl Stand {
 /// The timebase of a run of `scenario`.
 pub(super) fn timebase(scenario: &Scenario) -> Result<Timebase, TickError> {
     let entries = scenario.participants.iter();
-    Timebase::measuring(entries.flat_map(|entry| [entry.period, entry.offset]))
+    Timebase::from_times(entries.flat_map(|entry| [entry.period, entry.offset]))
 }
 
 fn stand(scenario: &Scenario, time: Rational) -> Result<Stand, RunFailure> {

@@ -184,7 +184,7 @@ fn stamped(plan: &Plan, participant: usize, header: Header) -> Header {
 /// The distance of two samples of `played`, in samples of `spec`; `None` if the samples of `played` are not a subset of those of
 /// `spec`.
 fn every(played: &StreamSpec, spec: &StreamSpec) -> Option<u64> {
-    let base = Timebase::measuring([played.period, spec.period]).ok()?;
+    let base = Timebase::from_times([played.period, spec.period]).ok()?;
     let (longer, shorter) = (base.ceil(played.period).ok()?, base.ceil(spec.period).ok()?);
     (played.offset == spec.offset && longer % shorter == 0).then_some((longer / shorter) as u64)
 }

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use lockstep::plan::{Backlog, Cut, Plan, Position};
+use lockstep::plan::{Cut, InFlightSample, Plan, Position};
 use lockstep::transport::Header;
 use tape::{Event, EventKind};
 
@@ -123,7 +123,7 @@ impl Recorder {
     }
 
     /// For each stream the samples that are needed at `cut` and that the tape does not have.
-    fn needed(&self, cut: &Cut, read: &Read<'_>) -> Result<Vec<Vec<Backlog>>, RunFailure> {
+    fn needed(&self, cut: &Cut, read: &Read<'_>) -> Result<Vec<Vec<InFlightSample>>, RunFailure> {
         let needed = std::cell::RefCell::new(vec![BTreeMap::new(); self.owners.len()]);
         let noting = |stream: u32, index: u64| {
             let payload = read(stream, index)?;
@@ -141,14 +141,14 @@ impl Recorder {
         }
         let one = |samples: BTreeMap<u64, Vec<u8>>| {
             let all = samples.into_iter();
-            all.map(|(index, payload)| Backlog { index, payload }).collect()
+            all.map(|(index, payload)| InFlightSample { index, payload }).collect()
         };
         Ok(needed.into_inner().into_iter().map(one).collect())
     }
 
     /// The samples needed at `cut`, which all participants have reached or passed; drops all buffered samples that are no longer
     /// needed.
-    fn forget_before(&mut self, cut: &Cut) -> Result<Vec<Vec<Backlog>>, RunFailure> {
+    fn forget_before(&mut self, cut: &Cut) -> Result<Vec<Vec<InFlightSample>>, RunFailure> {
         let samples = self.reading(|this, read| this.needed(cut, read))?;
         let before = self.samples_before(cut);
         if let Some(recent) = &mut self.recent {
@@ -246,7 +246,7 @@ impl Recorder {
     }
 
     /// Sets the buffer to `needed`: the samples after these come next.
-    pub(crate) fn remember(&mut self, needed: &[Vec<Backlog>]) {
+    pub(crate) fn remember(&mut self, needed: &[Vec<InFlightSample>]) {
         if let Some(recent) = &mut self.recent {
             recent.go_back(needed);
         }

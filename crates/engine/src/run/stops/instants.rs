@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn branch_that_rounds_up_to_the_end_is_refused_with_from() {
-        let timebase = Timebase::measuring([time("1 ms")]).unwrap();
+        let timebase = Timebase::from_times([time("1 ms")]).unwrap();
         let checked = |from| check_from(time(from), time("10 s"), 10_000, &timebase);
         assert!(checked("9.999 s").is_ok());
         for (from, part) in [("10 s", "the end at 10 s"), ("9.9991 s", "in ticks of 1 ms")] {
@@ -107,7 +107,7 @@ mod tests {
     fn refusal(change: impl FnOnce(&mut Options)) -> Option<String> {
         let mut options = Options::default();
         change(&mut options);
-        let timebase = Timebase::measuring([time("1 ms")]).unwrap();
+        let timebase = Timebase::from_times([time("1 ms")]).unwrap();
         let checked = check(time("10 s"), 10_000, &timebase, &options);
         checked.err().map(|failure| {
             assert_eq!(failure.exit_code(), 2);

@@ -1,6 +1,6 @@
 //! The type of fault of an entry of `[[faults]]`.
 
-use lockstep::fault::{LinkFault, Span};
+use lockstep::fault::{FaultWindow, LinkFault};
 
 use crate::scenario::spec::{FaultSpec, Time};
 
@@ -68,7 +68,7 @@ impl FaultSpec {
         })
     }
 
-    pub(super) fn link_fault(&self, name: &str, span: Span, connection: &str) -> Result<LinkFault, Refusal> {
+    pub(super) fn link_fault(&self, name: &str, span: FaultWindow, connection: &str) -> Result<LinkFault, Refusal> {
         if self.drop.is_none() && self.extra_delay.is_none() {
             let reason = "does not specify a fault of the connection: write drop = 0.3 or extra-delay = \"20 ms\"";
             return Err((String::new(), reason.to_owned()));

@@ -5,7 +5,7 @@ mod signal;
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-use lockstep::fault::{LinkFault, SignalFault, Span};
+use lockstep::fault::{FaultWindow, LinkFault, SignalFault};
 use lockstep::plan::Plan;
 use lockstep::time::Rational;
 
@@ -152,7 +152,7 @@ impl Reader<'_> {
             let reason = format!("{until} is not after the begin at {at}");
             return Err(refuse("until", reason));
         }
-        let span = Span { at, until };
+        let span = FaultWindow { at, until };
         match sort {
             Sort::Signal { port, output } => {
                 let signal = Signal::new(name, key, span, port, output, entry);

@@ -1,6 +1,6 @@
 //! Signal faults: resolving names and units into the elements and numbers of a payload.
 
-use lockstep::fault::{Effect, Place, SignalFault, Slot, Span};
+use lockstep::fault::{Effect, FaultPort, FaultWindow, SignalFault, Slot};
 use lockstep::plan::Plan;
 use lockstep::port::{Descriptor, Field};
 use lockstep::time::Rational;
@@ -17,7 +17,7 @@ pub(super) struct Signal {
     name: String,
     /// Its key in the scenario.
     pub(super) key: String,
-    span: Span,
+    span: FaultWindow,
     /// Participant and port.
     pub(super) port: (String, String),
     output: bool,
@@ -36,7 +36,7 @@ impl Signal {
     pub(super) fn new(
         name: &str,
         key: &str,
-        span: Span,
+        span: FaultWindow,
         at: String,
         output: bool,
         entry: &FaultSpec,
@@ -147,12 +147,12 @@ impl Signal {
         };
         let (field, slots) = self.slots(ports[position].1)?;
         let place = if self.output {
-            Place::Output {
+            FaultPort::Output {
                 participant: number,
                 port: position,
             }
         } else {
-            Place::Input {
+            FaultPort::Input {
                 participant: number,
                 port: position,
             }
@@ -174,7 +174,7 @@ impl Signal {
         let Some(name) = &self.field else {
             return Ok((None, Slot::all(descriptor)));
         };
-        match Slot::named(descriptor, name) {
+        match Slot::resolve(descriptor, name) {
             Some((field, slots)) => Ok((Some(field), slots)),
             None => {
                 let known: Vec<String> = descriptor.fields.iter().map(|field| format!("`{field}`")).collect();

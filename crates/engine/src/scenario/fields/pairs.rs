@@ -28,7 +28,7 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn find(descriptor: &'a Descriptor, name: &'a str) -> Result<Run<'a>, String> {
-        let Some((field, elements)) = descriptor.named(name) else {
+        let Some((field, elements)) = descriptor.resolve(name) else {
             let known: Vec<String> = descriptor.fields.iter().map(|field| format!("`{field}`")).collect();
             return Err(format!(
                 "`{}` has no field or element `{name}`; it has {}",
@@ -119,7 +119,7 @@ impl Ports<'_> {
             each.map(|(number, &offset)| pair(number as u32, 1, offset)).collect()
         };
         let computed = pairs.iter().any(|pair| !pair.terms.is_empty() && !pair.copies());
-        if (computed || self.adds) && !run.field.element.is_decimal() {
+        if (computed || self.adds) && !run.field.element.is_float() {
             return Err(format!(
                 "`{}` is made of values that are taken over as they are: leave `factor`, `offset`, sums and other units out, or make it \
                  f64",
@@ -265,8 +265,8 @@ fn constants(run: &Run<'_>, value: &Value) -> Result<Vec<f64>, String> {
         element.put(*number, &mut bytes[..element.size()]);
         let kept = element.to_f64(&bytes);
         let exact = kept.to_bits() == number.to_bits() || (*number == 0.0 && kept == 0.0);
-        let large = !element.is_decimal() && number.abs() >= 9_007_199_254_740_992.0;
-        if !number.is_finite() || large || (!exact && !element.is_decimal()) {
+        let large = !element.is_float() && number.abs() >= 9_007_199_254_740_992.0;
+        if !number.is_finite() || large || (!exact && !element.is_float()) {
             return Err(format!(
                 "`{}` cannot always be {number}: write a value that it holds",
                 run.field

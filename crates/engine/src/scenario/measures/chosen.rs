@@ -33,7 +33,7 @@ impl<'a> Chosen<'a> {
         if let Some(reason) = Slot::too_many(&spec.descriptor, Some(name)) {
             return refusal(key, reason);
         }
-        let Some((field, slots)) = Slot::named(&spec.descriptor, name) else {
+        let Some((field, slots)) = Slot::resolve(&spec.descriptor, name) else {
             let known: Vec<String> = spec
                 .descriptor
                 .fields

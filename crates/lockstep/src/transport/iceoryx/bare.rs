@@ -5,22 +5,22 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::domain::{Domain, DomainError};
-use super::ipc::{Ipc, broken};
-use crate::transport::interface::Broken;
+use super::ipc::{Ipc, transport_error};
+use crate::transport::interface::TransportError;
 
 /// The payload in each direction: as many doubles as a measured state of the stock plant.
 pub type Payload = [f64; 27];
 
 /// One end of a bare ping-pong.
-pub struct Bare {
+pub struct BarePingPong {
     publisher: Publisher<Ipc, Payload, ()>,
     subscriber: Subscriber<Ipc, Payload, ()>,
     _services: [PortFactory<Ipc, Payload, ()>; 2],
 }
 
-impl Bare {
+impl BarePingPong {
     /// Opens one of the two ends; either may be opened first.
-    pub fn open(domain: &Domain, first: bool) -> Result<Bare, DomainError> {
+    pub fn open(domain: &Domain, first: bool) -> Result<BarePingPong, DomainError> {
         let service = |name: &str| {
             let builder = domain
                 .service(name)?
@@ -40,7 +40,7 @@ impl Bare {
             .publisher_builder()
             .create()
             .map_err(|e| domain.failed("opening a publisher", e))?;
-        Ok(Bare {
+        Ok(BarePingPong {
             publisher,
             subscriber,
             _services: [ping, pong],
@@ -48,24 +48,24 @@ impl Bare {
     }
 
     /// Sends; returns whether a receiver took the payload.
-    pub fn send(&self, payload: &Payload) -> Result<bool, Broken> {
+    pub fn send(&self, payload: &Payload) -> Result<bool, TransportError> {
         let sample = self
             .publisher
             .loan_uninit()
-            .map_err(|error| broken("no memory", error))?;
+            .map_err(|error| transport_error("no memory", error))?;
         Ok(sample
             .write_payload(*payload)
             .send()
-            .map_err(|error| broken("sending", error))?
+            .map_err(|error| transport_error("sending", error))?
             > 0)
     }
 
     /// Polls once.
-    pub fn receive(&self) -> Result<Option<Payload>, Broken> {
+    pub fn receive(&self) -> Result<Option<Payload>, TransportError> {
         Ok(self
             .subscriber
             .receive()
-            .map_err(|error| broken("receiving", error))?
+            .map_err(|error| transport_error("receiving", error))?
             .map(|sample| *sample))
     }
 }

@@ -11,17 +11,17 @@ use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::request_response::PortFactory;
 
 use super::domain::{Domain, DomainError};
-use super::ipc::{Ipc, broken};
+use super::ipc::{Ipc, transport_error};
 use crate::control::{Reply, Request};
-use crate::transport::interface::Broken;
+use crate::transport::interface::TransportError;
 use crate::wire;
 
 type Factory = PortFactory<Ipc, [u8], (), [u8], ()>;
 
 /// The initial reservation for a request or a reply; a larger one allocates more.
-const USUAL: usize = 64 * 1024;
+const INITIAL_BYTES: usize = 64 * 1024;
 /// The pause between two polls for a reply.
-const LOOK: Duration = Duration::from_micros(200);
+const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
 fn name(participant: &str) -> String {
     format!("control/{participant}")
@@ -52,7 +52,7 @@ impl ControlClient {
             .map_err(|error| failed(&error))?;
         let client = service
             .client_builder()
-            .initial_max_slice_len(USUAL)
+            .initial_max_slice_len(INITIAL_BYTES)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
             // A connection that cannot be made is an error, not a request that reaches no server.
             .set_request_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
@@ -63,29 +63,33 @@ impl ControlClient {
     }
 
     /// Whether the participant's server is present.
-    pub fn present(&self) -> bool {
+    pub fn has_server(&self) -> bool {
         self.service.dynamic_config().number_of_servers() > 0
     }
 
-    /// Sends `request` and polls for the reply until `abandon`, which is called before each pause, returns true. `Ok(None)` when no reply
-    /// came.
-    pub fn ask(&self, request: &Request, mut abandon: impl FnMut() -> bool) -> Result<Option<Reply>, Broken> {
-        let mut asked = self.begin(request)?;
+    /// Sends `request` and polls for the reply until `abandon`, which is called before each pause, returns true. `Ok(None)` when there is
+    /// no reply.
+    pub fn request(
+        &self,
+        request: &Request,
+        mut abandon: impl FnMut() -> bool,
+    ) -> Result<Option<Reply>, TransportError> {
+        let mut pending = self.begin_request(request)?;
         loop {
-            if let Some(reply) = asked.reply()? {
+            if let Some(reply) = pending.reply()? {
                 return Ok(Some(reply));
             }
             if abandon() {
                 return Ok(None);
             }
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
-    /// Sends a request without waiting: other participants can be asked before the reply has arrived. Only one request at a time.
-    pub fn begin(&self, request: &Request) -> Result<Asked<'_>, Broken> {
-        let bytes = wire::encode("a request", request).map_err(|error| Broken(error.to_string()))?;
-        Ok(Asked {
+    /// Sends a request without waiting: requests to other participants can be sent before the reply has arrived. One request at a time.
+    pub fn begin_request(&self, request: &Request) -> Result<PendingRequest<'_>, TransportError> {
+        let bytes = wire::encode("a request", request).map_err(|error| TransportError(error.to_string()))?;
+        Ok(PendingRequest {
             client: &self.client,
             bytes,
             pending: None,
@@ -94,41 +98,44 @@ impl ControlClient {
 }
 
 /// The pending reply.
-type Awaited = PendingResponse<Ipc, [u8], (), [u8], ()>;
+type PendingReply = PendingResponse<Ipc, [u8], (), [u8], ()>;
 
 /// A pending request.
-pub struct Asked<'a> {
+pub struct PendingRequest<'a> {
     client: &'a Client<Ipc, [u8], (), [u8], ()>,
     bytes: Vec<u8>,
     /// Set once the request has reached a server.
-    pending: Option<Awaited>,
+    pending: Option<PendingReply>,
 }
 
-impl Asked<'_> {
+impl PendingRequest<'_> {
     /// The pause between two polls for a reply.
-    pub const LOOK: Duration = LOOK;
+    pub const POLL_INTERVAL: Duration = POLL_INTERVAL;
 
     /// Returns the reply once it has arrived. Sends the request first if it has not reached a server yet.
-    pub fn reply(&mut self) -> Result<Option<Reply>, Broken> {
+    pub fn reply(&mut self) -> Result<Option<Reply>, TransportError> {
         if self.pending.is_none() {
             let message = self
                 .client
                 .loan_slice_uninit(self.bytes.len())
-                .map_err(|error| broken("no memory", error))?;
+                .map_err(|error| transport_error("no memory", error))?;
             let sent = message.write_from_slice(&self.bytes).send();
-            let pending = sent.map_err(|error| broken("asking", error))?;
+            let pending = sent.map_err(|error| transport_error("asking", error))?;
             // A server is counted before a client can reach it. A request that reached no server has not been sent.
             self.pending = (pending.number_of_server_connections() > 0).then_some(pending);
         }
         let Some(pending) = &self.pending else {
             return Ok(None);
         };
-        let Some(reply) = pending.receive().map_err(|error| broken("receiving a reply", error))? else {
+        let Some(reply) = pending
+            .receive()
+            .map_err(|error| transport_error("receiving a reply", error))?
+        else {
             return Ok(None);
         };
         // A copy, so that the bytes do not change during decoding.
         let bytes = reply.payload().to_vec();
-        let reply = wire::decode("a reply", &bytes).map_err(|error| Broken(error.to_string()))?;
+        let reply = wire::decode("a reply", &bytes).map_err(|error| TransportError(error.to_string()))?;
         Ok(Some(reply))
     }
 }
@@ -151,7 +158,7 @@ impl ControlServer {
             .map_err(|error| failed(&error))?;
         let server = service
             .server_builder()
-            .initial_max_slice_len(USUAL)
+            .initial_max_slice_len(INITIAL_BYTES)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
             .set_request_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .set_response_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
@@ -164,25 +171,25 @@ impl ControlServer {
     }
 
     /// Answers one request, if there is one, with the result of `answer`. Returns whether there was one.
-    pub fn serve(&self, answer: impl FnOnce(Request) -> Reply) -> Result<bool, Broken> {
+    pub fn serve(&self, answer: impl FnOnce(Request) -> Reply) -> Result<bool, TransportError> {
         self.serve_bytes(|request| {
             let reply = match wire::decode("a request", request) {
                 Ok(request) => answer(request),
-                Err(error) => refused(error.to_string()),
+                Err(error) => refusal(error.to_string()),
             };
             // A reply too large for the wire (a state, say) is reported, not sent.
             wire::encode("a reply", &reply)
-                .or_else(|error| wire::encode("a reply", &refused(error.to_string())))
+                .or_else(|error| wire::encode("a reply", &refusal(error.to_string())))
                 .unwrap_or_default()
         })
     }
 
     /// As [`ControlServer::serve`], with the encoded request and the encoded reply.
-    pub fn serve_bytes(&self, answer: impl FnOnce(&[u8]) -> Vec<u8>) -> Result<bool, Broken> {
+    pub fn serve_bytes(&self, answer: impl FnOnce(&[u8]) -> Vec<u8>) -> Result<bool, TransportError> {
         let Some(active) = self
             .server
             .receive()
-            .map_err(|error| broken("receiving a request", error))?
+            .map_err(|error| transport_error("receiving a request", error))?
         else {
             return Ok(false);
         };
@@ -191,39 +198,39 @@ impl ControlServer {
         let bytes = answer(&request);
         let message = active
             .loan_slice_uninit(bytes.len())
-            .map_err(|error| broken("no memory", error))?;
+            .map_err(|error| transport_error("no memory", error))?;
         message
             .write_from_slice(&bytes)
             .send()
-            .map_err(|error| broken("replying", error))?;
+            .map_err(|error| transport_error("replying", error))?;
         Ok(true)
     }
 }
 
-fn refused(reason: String) -> Reply {
+fn refusal(reason: String) -> Reply {
     let key = String::new();
     Reply::Refused { key, reason }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::place::Place;
+    use super::super::test_domain::TestDomain;
     use super::*;
 
     #[test]
     fn client_resends_request_that_reached_no_server() {
-        let place = Place::new();
-        let client = ControlClient::create(&place.domain, "late").expect("a new domain has room");
-        let (mut looks, mut server) = (0, None);
-        let reply = client.ask(&Request::Terminate, || {
-            looks += 1;
-            if looks == 3 {
-                server = Some(ControlServer::open(&place.domain, "late").expect("the client is there"));
+        let test = TestDomain::new();
+        let client = ControlClient::create(&test.domain, "late").expect("a new domain has room");
+        let (mut polls, mut server) = (0, None);
+        let reply = client.request(&Request::Terminate, || {
+            polls += 1;
+            if polls == 3 {
+                server = Some(ControlServer::open(&test.domain, "late").expect("the client is there"));
             }
             if let Some(server) = &server {
                 server.serve(|_| Reply::Done).expect("a control service");
             }
-            looks == 1000
+            polls == 1000
         });
         assert_eq!(reply, Ok(Some(Reply::Done)));
     }

@@ -30,7 +30,7 @@ pub enum DomainError {
     },
     /// Another process is this participant.
     #[error("`{name}` is already in this run, {address}: a participant is one process")]
-    Taken {
+    NameInUse {
         /// The address.
         address: Address,
         /// The participant.
@@ -91,7 +91,7 @@ pub struct Domain {
 
 /// Removes all permissions of other users from the run's objects in shared memory. iceoryx2 restricts its objects to the user, except for
 /// one counter that the first node of a prefix creates, which all users may write whatever the umask is.
-fn shut(prefix: &str) -> std::io::Result<()> {
+fn restrict_permissions(prefix: &str) -> std::io::Result<()> {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
     for entry in std::fs::read_dir("/dev/shm")? {
         let entry = entry?;
@@ -108,7 +108,7 @@ fn shut(prefix: &str) -> std::io::Result<()> {
 }
 
 /// Which resource of the machine is exhausted, if one is: iceoryx2 reports that as a corrupted service or an internal failure.
-fn exhausted() -> String {
+fn exhausted_resource() -> String {
     use rustix::io::Errno;
     match std::fs::File::open("/dev/null")
         .err()
@@ -151,9 +151,9 @@ impl Domain {
     pub fn join(address: Address, process: &str) -> Result<Domain, DomainError> {
         // The orchestrator has a node and services before it starts a participant.
         let global = configuration(&address)?.global;
-        let there = [global.node_dir(), global.service_dir()];
-        let is_there = |folder: &Path| StdPath::new(OsStr::from_bytes(folder.as_bytes())).is_dir();
-        match there.iter().all(is_there) {
+        let required_folders = [global.node_dir(), global.service_dir()];
+        let exists = |folder: &Path| StdPath::new(OsStr::from_bytes(folder.as_bytes())).is_dir();
+        match required_folders.iter().all(exists) {
             true => Domain::enter(address, process),
             false => Err(DomainError::NoRun(address)),
         }
@@ -167,7 +167,7 @@ impl Domain {
         let failed = |what: &str, reason: String| DomainError::Service {
             folder: address.folder.clone(),
             what: what.to_owned(),
-            reason: reason + &exhausted(),
+            reason: reason + &exhausted_resource(),
         };
         let name = NodeName::new(process).map_err(|error| failed("naming the process", format!("{error:?}")))?;
         let node = NodeBuilder::new()
@@ -176,7 +176,7 @@ impl Domain {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Ipc>()
             .map_err(|error| failed("joining", format!("{error:?}")))?;
-        shut(&address.prefix).map_err(|error| failed("shutting others out", error.to_string()))?;
+        restrict_permissions(&address.prefix).map_err(|error| failed("shutting others out", error.to_string()))?;
         Ok(Domain { address, node })
     }
 
@@ -194,15 +194,15 @@ impl Domain {
         DomainError::Service {
             folder: self.address.folder.clone(),
             what: what.to_string(),
-            reason: format!("{error:?}{}", exhausted()),
+            reason: format!("{error:?}{}", exhausted_resource()),
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::place::Place;
     use super::super::status::{StatusService, StatusWriter};
+    use super::super::test_domain::TestDomain;
     use super::*;
 
     #[test]
@@ -212,23 +212,24 @@ mod tests {
             prefix: format!("gone_{}_", std::process::id()),
             folder: folder.clone(),
         };
-        let refused = Domain::join(address.clone(), "left")
+        let error_text = Domain::join(address.clone(), "left")
             .err()
             .map(|error| error.to_string());
-        assert!(refused.is_some_and(|words| words.starts_with(&format!("there is no such run: {address}"))));
+        assert!(error_text.is_some_and(|words| words.starts_with(&format!("there is no such run: {address}"))));
         assert!(!folder.exists());
     }
 
     #[test]
     fn domain_rejects_unknown_names_and_second_process() {
-        let place = Place::new();
-        let _service = StatusService::create(&place.domain, "left", 2).unwrap();
-        let domain = Domain::join(place.domain.address().clone(), "left").unwrap();
-        let refused = |name: &str| StatusWriter::open(&domain, name).err().map(|error| error.to_string());
+        let test = TestDomain::new();
+        let _service = StatusService::create(&test.domain, "left", 2).unwrap();
+        let domain = Domain::join(test.domain.address().clone(), "left").unwrap();
+        let error_text = |name: &str| StatusWriter::open(&domain, name).err().map(|error| error.to_string());
         assert!(
-            refused("lift").is_some_and(|words| words.starts_with("there is no such run or participant: `lift` at "))
+            error_text("lift")
+                .is_some_and(|words| words.starts_with("there is no such run or participant: `lift` at "))
         );
         let _first = StatusWriter::open(&domain, "left").unwrap();
-        assert!(refused("left").is_some_and(|words| words.starts_with("`left` is already in this run")));
+        assert!(error_text("left").is_some_and(|words| words.starts_with("`left` is already in this run")));
     }
 }

@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 
 use super::link::ring_bytes;
 use crate::plan::Plan;
-use crate::transport::lock_free::entries::record_room;
+use crate::transport::lock_free::entries::record_ring_bytes;
 
 /// The allocation unit of shared memory.
 const PAGE: u64 = 4096;
@@ -16,7 +16,7 @@ const RUN: u64 = 10;
 /// Pages of a participant: its services with the orchestrator's and its own ends, and its node.
 const PARTICIPANT: u64 = 46;
 /// Additional bytes for each other participant: its places in the services.
-const PLACE: u64 = 512;
+const PARTICIPANT_PAIR: u64 = 512;
 /// Pages of a link besides its ring.
 const LINK: u64 = 8;
 /// The largest object of a participant besides its record, bytes. Only the part in use takes memory.
@@ -56,20 +56,20 @@ pub fn footprint(plan: &Plan) -> Footprint {
     let all = plan.links.iter().flat_map(|link| [link.from.0, link.to.0]);
     all.for_each(|end| ends[end] += 1);
     let [base, participant, link, stream] = FILES;
-    let [own_base, end] = FILES_OF_PARTICIPANT;
+    let [own_files, end] = FILES_OF_PARTICIPANT;
     Footprint {
         services: PAGE * (RUN + PARTICIPANT * count + LINK * links as u64)
-            + PLACE * count * count
+            + PARTICIPANT_PAIR * count * count
             + rings.iter().map(|ring| ring.next_multiple_of(PAGE)).sum::<u64>(),
         records: (0..participants)
             .map(|number| {
                 let sizes: Vec<usize> = plan.recorded_sizes(number).collect();
-                record_room(&sizes, plan.participants[number].activations)
+                record_ring_bytes(&sizes, plan.participants[number].activations)
             })
             .collect(),
         largest: rings.iter().copied().max().unwrap_or(0).max(CONTROL),
         files: base + participant * count + link * links as u64 + stream * plan.stream_count() as u64,
-        participant_files: own_base + end * ends.into_iter().max().unwrap_or(0),
+        participant_files: own_files + end * ends.into_iter().max().unwrap_or(0),
     }
 }
 
@@ -81,7 +81,7 @@ impl Footprint {
     }
 
     /// The minimum shared memory of the run, bytes.
-    pub fn least(&self) -> u64 {
+    pub fn minimum(&self) -> u64 {
         self.services
             + self
                 .records
@@ -91,7 +91,7 @@ impl Footprint {
     }
 
     /// The shared memory of the run with rings of the optimum size, bytes.
-    pub fn best(&self) -> u64 {
+    pub fn optimum(&self) -> u64 {
         self.services
             + self
                 .records

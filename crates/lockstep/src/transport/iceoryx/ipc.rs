@@ -2,7 +2,7 @@
 
 use iceoryx2::prelude::*;
 
-use crate::transport::interface::Broken;
+use crate::transport::interface::TransportError;
 
 /// The version of iceoryx2 that this transport is built on; participants in other languages need the same one.
 pub const VERSION: &str = "0.10.0";
@@ -11,6 +11,6 @@ pub const VERSION: &str = "0.10.0";
 pub(super) type Ipc = ipc::Service;
 
 /// A failure of the transport itself, with iceoryx2's message.
-pub(super) fn broken(what: impl std::fmt::Display, error: impl std::fmt::Debug) -> Broken {
-    Broken(format!("{what}: {error:?}"))
+pub(super) fn transport_error(what: impl std::fmt::Display, error: impl std::fmt::Debug) -> TransportError {
+    TransportError(format!("{what}: {error:?}"))
 }

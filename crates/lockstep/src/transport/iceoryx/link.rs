@@ -2,7 +2,7 @@
 
 use super::domain::{Domain, DomainError};
 use super::ring::{RingReader, RingService, RingWriter};
-use crate::transport::interface::{Broken, Header, Receiver, Sender};
+use crate::transport::interface::{Header, Receiver, Sender, TransportError};
 use crate::transport::lock_free::slots::{SlotReceiver, SlotSender, Slots};
 use crate::transport::lock_free::words::LINE;
 
@@ -61,11 +61,11 @@ pub struct LinkSender {
 }
 
 impl Sender for LinkSender {
-    fn prepare(&mut self) -> Result<(), Broken> {
+    fn prepare(&mut self) -> Result<(), TransportError> {
         self.ring.memory().map(|_| ())
     }
 
-    fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken> {
+    fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, TransportError> {
         match self.ring.memory()? {
             Some((words, count)) => self.sender.try_send(words, count, header, payload),
             None => Ok(false),
@@ -81,12 +81,12 @@ pub struct LinkReceiver {
 }
 
 impl Receiver for LinkReceiver {
-    fn prepare(&mut self) -> Result<(), Broken> {
+    fn prepare(&mut self) -> Result<(), TransportError> {
         self.ring.memory().map(|_| ())
     }
 
-    fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
-        self.slots.fits(payload.len())?;
+    fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, TransportError> {
+        self.slots.check_size(payload.len())?;
         match self.ring.memory()? {
             Some((words, count)) => self.receiver.try_receive(words, count, payload),
             None => Ok(None),
@@ -96,17 +96,17 @@ impl Receiver for LinkReceiver {
 
 #[cfg(test)]
 mod tests {
-    use super::super::place::Place;
+    use super::super::test_domain::TestDomain;
     use super::*;
-    use crate::transport::lock_free::slots::HEAD;
+    use crate::transport::lock_free::slots::HEADER_WORDS;
     use std::sync::atomic::{AtomicBool, Ordering};
 
     #[test]
     fn received_sample_is_stable_while_sender_overwrites() {
-        let place = Place::new();
-        let service = LinkService::create(&place.domain, 0, 64, 4).expect("a new domain has room");
-        let mut receiver = service.receiver(&place.domain).expect("the only receiver");
-        let mut sender = service.sender(&place.domain).expect("the only sender");
+        let test = TestDomain::new();
+        let service = LinkService::create(&test.domain, 0, 64, 4).expect("a new domain has room");
+        let mut receiver = service.receiver(&test.domain).expect("the only receiver");
+        let mut sender = service.sender(&test.domain).expect("the only sender");
         let done = AtomicBool::new(false);
         sender.prepare().expect("a receiver is there");
         for index in 0..4 {
@@ -119,7 +119,9 @@ mod tests {
                 for value in (0..).take_while(|_| !done.load(Ordering::Relaxed)) {
                     // All payloads: the words in front of them are what identifies samples.
                     for slot in words.chunks(receiver_stride()) {
-                        slot[HEAD..HEAD + 8].iter().for_each(|word| word.set(value));
+                        slot[HEADER_WORDS..HEADER_WORDS + 8]
+                            .iter()
+                            .for_each(|word| word.set(value));
                     }
                 }
             });

@@ -16,19 +16,19 @@ mod domain;
 mod footprint;
 mod ipc;
 mod link;
-#[cfg(test)]
-#[path = "../../../tests/place/mod.rs"]
-mod place;
 mod record;
 mod ring;
 mod status;
+#[cfg(test)]
+#[path = "../../../tests/test_domain/mod.rs"]
+mod test_domain;
 mod wake;
 
 pub use crate::transport::lock_free::clock::Command;
-pub use crate::transport::lock_free::entries::{Recorded, record_room, unpack};
+pub use crate::transport::lock_free::entries::{Recorded, record_ring_bytes, unpack};
 pub use crate::transport::lock_free::wait_reason::WaitReason;
 pub use clock::{ClockReader, ClockWriter};
-pub use control::{Asked, ControlClient, ControlServer};
+pub use control::{ControlClient, ControlServer, PendingRequest};
 pub use domain::{Address, Domain, DomainError};
 pub use footprint::{Footprint, footprint};
 pub use ipc::VERSION;

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use super::domain::{Domain, DomainError};
 use super::ring::{RingReader, RingService, RingWriter};
 use crate::control::ParticipantEvent;
-use crate::transport::interface::{Broken, Header, Recording};
+use crate::transport::interface::{Header, Recording, TransportError};
 use crate::transport::lock_free::entries::{EntryReceiver, EntrySender, Recorded, ring_words};
 use crate::transport::lock_free::words::LINE;
 
@@ -49,9 +49,9 @@ impl RecordSender {
         })
     }
 
-    fn sample(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
+    fn try_append_sample(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, TransportError> {
         match self.ring.memory()? {
-            Some((words, count)) => self.sender.sample(words, count, stream, header, payload),
+            Some((words, count)) => self.sender.try_append_sample(words, count, stream, header, payload),
             None => Ok(false),
         }
     }
@@ -64,9 +64,9 @@ impl RecordSender {
     }
 
     /// Appends an event after the samples so far. `false` when there is no room now.
-    pub fn event(&mut self, event: &ParticipantEvent) -> Result<bool, Broken> {
+    pub fn try_append_event(&mut self, event: &ParticipantEvent) -> Result<bool, TransportError> {
         match self.ring.memory()? {
-            Some((words, count)) => self.sender.event(words, count, event),
+            Some((words, count)) => self.sender.try_append_event(words, count, event),
             None => Ok(false),
         }
     }
@@ -77,8 +77,8 @@ impl RecordSender {
 pub struct SharedRecord(pub Rc<RefCell<RecordSender>>);
 
 impl Recording for SharedRecord {
-    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
-        self.0.borrow_mut().sample(stream, header, payload)
+    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, TransportError> {
+        self.0.borrow_mut().try_append_sample(stream, header, payload)
     }
 
     fn commit(&mut self) {
@@ -96,7 +96,7 @@ pub struct RecordReceiver {
 impl RecordReceiver {
     /// Creates the record of `participant`.
     pub fn create(domain: &Domain, participant: &str) -> Result<RecordReceiver, DomainError> {
-        // One writer is expected; a second one gets a place so that its error can be reported.
+        // One writer is expected; a second one is admitted so that its error can be reported.
         let service = RingService::create(domain, &name(participant), 2)?;
         Ok(RecordReceiver {
             ring: service.reader(domain)?,
@@ -112,27 +112,30 @@ impl RecordReceiver {
 
     /// Takes the memory of the record; `false` while it has not arrived. To be called when the participant has sent it: it is lost with a
     /// participant that leaves before it was taken.
-    pub fn take_memory(&mut self) -> Result<bool, Broken> {
+    pub fn take_memory(&mut self) -> Result<bool, TransportError> {
         Ok(self.ring.memory()?.is_some())
     }
 
     /// Passes the entries that have arrived to `take`, at most one batch; `false` when there is none. They come from another process:
     /// whatever they contain, this call returns, and reports what is wrong with it.
-    pub fn receive<E: From<Broken>>(&mut self, take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<bool, E> {
+    pub fn receive<E: From<TransportError>>(
+        &mut self,
+        take: impl FnMut(Recorded<'_>) -> Result<(), E>,
+    ) -> Result<bool, E> {
         let Some((words, count)) = self.ring.memory()? else {
             return Ok(false);
         };
         let received = self.receiver.receive(words, count, take)?;
         if !received {
-            self.look_for_another()?;
+            self.reject_second_record()?;
         }
         Ok(received)
     }
 
     /// Reports a second record of the participant: without this check, samples on one of the two would be lost.
-    fn look_for_another(&self) -> Result<(), Broken> {
-        if self.ring.is_offered_more()? {
-            return Err(Broken(
+    fn reject_second_record(&self) -> Result<(), TransportError> {
+        if self.ring.has_further_memory()? {
+            return Err(TransportError(
                 "opened a second way to the recorder: open one publisher of the record, and send one sample".into(),
             ));
         }
@@ -142,7 +145,7 @@ impl RecordReceiver {
 
 #[cfg(test)]
 mod tests {
-    use super::super::place::Place;
+    use super::super::test_domain::TestDomain;
     use super::*;
     use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -150,12 +153,12 @@ mod tests {
     fn record_entry_is_stable_while_writer_overwrites() {
         let draws = crate::random::Stream::new(2, "scribbles");
         for round in 0..20 {
-            let place = Place::new();
-            let mut receiver = RecordReceiver::create(&place.domain, "a").expect("a new domain has room");
-            let mut sender = RecordSender::open(&place.domain, "a", 0, &[64], 1 << 20).expect("the only writer");
+            let test = TestDomain::new();
+            let mut receiver = RecordReceiver::create(&test.domain, "a").expect("a new domain has room");
+            let mut sender = RecordSender::open(&test.domain, "a", 0, &[64], 1 << 20).expect("the only writer");
             assert_eq!(receiver.writers(), [std::process::id()]);
             let mut index = 0;
-            while index < 2000 && sender.sample(0, Header { index, stamp: 0 }, &[7; 64]) == Ok(true) {
+            while index < 2000 && sender.try_append_sample(0, Header { index, stamp: 0 }, &[7; 64]) == Ok(true) {
                 index += 1;
             }
             sender.commit();
@@ -176,7 +179,7 @@ mod tests {
                             std::thread::yield_now();
                             assert_eq!(before, (header, payload.to_vec()));
                         }
-                        Ok::<(), Broken>(())
+                        Ok::<(), TransportError>(())
                     });
                     if received.is_err() {
                         break;

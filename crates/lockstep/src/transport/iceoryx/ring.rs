@@ -17,8 +17,8 @@ use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::{blackboard, publish_subscribe};
 
 use super::domain::{Domain, DomainError};
-use super::ipc::{Ipc, broken};
-use crate::transport::interface::Broken;
+use super::ipc::{Ipc, transport_error};
+use crate::transport::interface::TransportError;
 use crate::transport::lock_free::board::{Get, Set};
 use crate::transport::lock_free::words::{LINE, Word};
 
@@ -160,7 +160,7 @@ impl RingService {
             .map_err(|error| failed(&error))?;
         let writer = self.taken.writer_builder().create().map_err(|error| failed(&error))?;
         Ok(RingReader {
-            held: None,
+            received: None,
             taken: writer.entry::<u64>(&TAKEN).map_err(|error| failed(&error))?,
             _writer: writer,
             subscriber,
@@ -182,20 +182,20 @@ pub(super) struct RingWriter {
 impl RingWriter {
     /// The memory, and the reader's progress; `None` while there is no reader.
     #[inline]
-    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, CountReader>>, Broken> {
+    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, CountReader>>, TransportError> {
         if self.words.is_none() {
-            self.words = self.hand_over()?;
+            self.words = self.send_memory()?;
         }
         // SAFETY: the words lie in the publisher's segment, which is mapped as long as the publisher lives and of fixed size. They are
         // not reused: a sample that was taken is the last one that the publisher sends, and the reader holds it to its end.
         Ok(self.words.map(|words| (unsafe { words.as_ref() }, &self.count)))
     }
 
-    fn hand_over(&self) -> Result<Option<NonNull<[Word]>>, Broken> {
+    fn send_memory(&self) -> Result<Option<NonNull<[Word]>>, TransportError> {
         let mut sample = self
             .publisher
             .loan_slice_uninit(self.lines)
-            .map_err(|error| broken("no memory", error))?;
+            .map_err(|error| transport_error("no memory", error))?;
         let lines = NonNull::from(sample.payload_mut());
         let words = NonNull::slice_from_raw_parts(lines.cast::<Word>(), LINE * self.lines);
         // Every page is touched now, so that a lack of memory is detected here and not in a step.
@@ -206,82 +206,85 @@ impl RingWriter {
         }
         // SAFETY: shared memory contains zeros or earlier data, and every bit pattern is a `Line`.
         let sample = unsafe { sample.assume_init() };
-        let taken_by = sample.send().map_err(|error| broken("sending", error))?;
+        let taken_by = sample.send().map_err(|error| transport_error("sending", error))?;
         Ok((taken_by > 0).then_some(words))
     }
 }
 
 /// The reading end.
 pub(super) struct RingReader {
-    held: Option<Held>,
+    received: Option<ReceivedMemory>,
     taken: CountWriter,
     _writer: Writer<Ipc, u64>,
     subscriber: Subscriber<Ipc, [Line], ()>,
 }
 
 /// Memory that the reader has received.
-struct Held {
+struct ReceivedMemory {
     /// Its address and size, read once: iceoryx2 looks them up in a header that the writer could change.
     words: NonNull<[Word]>,
     _sample: Sample<Ipc, [Line], ()>,
 }
 
 impl RingReader {
-    /// The memory, once it has arrived, and the place where the reader counts its progress.
+    /// The memory, once it has arrived, and the entry where the reader counts its progress.
     #[inline]
-    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, CountWriter>>, Broken> {
-        if self.held.is_none() {
-            let sample = self.subscriber.receive().map_err(|error| broken("receiving", error))?;
-            self.held = sample.map(|sample| {
+    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, CountWriter>>, TransportError> {
+        if self.received.is_none() {
+            let sample = self
+                .subscriber
+                .receive()
+                .map_err(|error| transport_error("receiving", error))?;
+            self.received = sample.map(|sample| {
                 let lines = NonNull::from(sample.payload());
-                Held {
+                ReceivedMemory {
                     words: NonNull::slice_from_raw_parts(lines.cast::<Word>(), LINE * lines.len()),
                     _sample: sample,
                 }
             });
         }
         // SAFETY: the sample keeps its memory mapped, and this borrow keeps the sample. All access is through atomics.
-        Ok((self.held.as_ref()).map(|held| (unsafe { held.words.as_ref() }, &self.taken)))
+        Ok((self.received.as_ref()).map(|received| (unsafe { received.words.as_ref() }, &self.taken)))
     }
 
     /// Whether more memory has been sent, which will not be read.
-    pub(super) fn is_offered_more(&self) -> Result<bool, Broken> {
+    pub(super) fn has_further_memory(&self) -> Result<bool, TransportError> {
         self.subscriber
             .has_samples()
-            .map_err(|error| broken("receiving", error))
+            .map_err(|error| transport_error("receiving", error))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::place::Place;
+    use super::super::test_domain::TestDomain;
     use super::*;
-    use crate::transport::lock_free::room::taken;
+    use crate::transport::lock_free::room::read_progress;
 
     #[test]
     fn ring_rejects_impossible_progress_count() {
-        let place = Place::new();
-        let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
-        let reader = service.reader(&place.domain).expect("the only reader");
-        let writer = service.writer(&place.domain, 4, 2).expect("the only writer");
-        assert_eq!(taken(&writer.count, 0, 0), Ok(0));
+        let test = TestDomain::new();
+        let service = RingService::create(&test.domain, "ring", 1).expect("a new domain has room");
+        let reader = service.reader(&test.domain).expect("the only reader");
+        let writer = service.writer(&test.domain, 4, 2).expect("the only writer");
+        assert_eq!(read_progress(&writer.count, 0, 0), Ok(0));
         reader.taken.set(3);
-        assert_eq!(taken(&writer.count, 0, 5), Ok(3));
-        assert!(taken(&writer.count, 0, 2).is_err(), "more than there is");
-        assert!(taken(&writer.count, 4, 5).is_err(), "less than before");
+        assert_eq!(read_progress(&writer.count, 0, 5), Ok(3));
+        assert!(read_progress(&writer.count, 0, 2).is_err(), "more than there is");
+        assert!(read_progress(&writer.count, 4, 5).is_err(), "less than before");
     }
 
     #[test]
     fn ring_memory_waits_for_reader_and_is_cleared() {
-        let place = Place::new();
-        let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
-        let mut writer = service.writer(&place.domain, 4, 2).expect("the only writer");
+        let test = TestDomain::new();
+        let service = RingService::create(&test.domain, "ring", 1).expect("a new domain has room");
+        let mut writer = service.writer(&test.domain, 4, 2).expect("the only writer");
         assert_eq!(
             writer.memory().map(|memory| memory.is_some()),
             Ok(false),
-            "nobody is there"
+            "there is no reader"
         );
-        let mut reader = service.reader(&place.domain).expect("the only reader");
+        let mut reader = service.reader(&test.domain).expect("the only reader");
         assert_eq!(
             reader.memory().map(|memory| memory.is_some()),
             Ok(false),
@@ -291,9 +294,9 @@ mod tests {
         assert_eq!((words.len(), words[0].get(), words[16].get()), (32, 0, 0));
         assert_eq!(words.as_ptr() as usize % 64, 0);
         words[9].set(7);
-        words[0].announce(1);
+        words[0].store_release(1);
         let (words, _) = reader.memory().expect("received").expect("there");
-        assert_eq!((words.len(), words[0].heard(), words[9].get()), (32, 1, 7));
-        assert_eq!(reader.is_offered_more(), Ok(false));
+        assert_eq!((words.len(), words[0].load_acquire(), words[9].get()), (32, 1, 7));
+        assert_eq!(reader.has_further_memory(), Ok(false));
     }
 }

@@ -11,7 +11,7 @@ use iceoryx2::service::port_factory::blackboard::PortFactory;
 use super::domain::{Domain, DomainError};
 use super::ipc::Ipc;
 use crate::transport::lock_free::board::Get;
-use crate::transport::lock_free::wait_reason::{self, Announce, WaitReason};
+use crate::transport::lock_free::wait_reason::{self, SetWaitReason, WaitReason};
 
 const WAIT_REASON: u64 = 0;
 const STATUS: u64 = 1;
@@ -126,7 +126,7 @@ impl StatusWriter {
         let (address, name) = (domain.address().clone(), participant.to_owned());
         // The row has one writer: its participant.
         let writer = service.writer_builder().create().map_err(|error| match error {
-            WriterCreateError::ExceedsMaxSupportedWriters => DomainError::Taken { address, name },
+            WriterCreateError::ExceedsMaxSupportedWriters => DomainError::NameInUse { address, name },
             other => failed(&other),
         })?;
         Ok(StatusWriter {
@@ -157,14 +157,14 @@ impl StatusWriter {
     }
 }
 
-impl Announce for StatusWriter {
+impl SetWaitReason for StatusWriter {
     fn set_wait_reason(&mut self, what: Option<WaitReason>) {
         wait_reason::set_wait_reason(&self.wait_reason, what);
     }
 }
 
-/// The *wait reason* word of another participant. Reading a blackboard writes to it (a compare-and-exchange), which takes the line away from its
-/// owner: while nothing was written, its count of writes is read alone.
+/// The *wait reason* word of another participant. Reading a blackboard writes to it (a compare-and-exchange), which takes the line away
+/// from its owner: while nothing was written, its count of writes is read alone.
 struct WaitReasonWord {
     handle: EntryHandle<Ipc, u64, u64>,
     known: RefCell<BlackboardValue<u64>>,
@@ -217,9 +217,9 @@ impl StatusReader {
         wait_reason::wait_reason(&self.wait_reason)
     }
 
-    /// Whether the participant must be woken for something for which `came` is true and which has been published.
-    pub(super) fn must_be_woken(&self, came: impl Fn(WaitReason) -> bool) -> bool {
-        wait_reason::must_be_woken(&self.wait_reason, came)
+    /// Whether the participant must be woken for a condition for which `occurred` is true and which has been published.
+    pub(super) fn must_be_woken(&self, occurred: impl Fn(WaitReason) -> bool) -> bool {
+        wait_reason::must_be_woken(&self.wait_reason, occurred)
     }
 
     /// The participant's status. The row is written by another process, so an unknown word is read as `Starting`.

@@ -7,9 +7,9 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::service::port_factory::event::PortFactory;
 
 use super::domain::{Domain, DomainError};
-use super::ipc::{Ipc, broken};
+use super::ipc::{Ipc, transport_error};
 use super::status::StatusReader;
-use crate::transport::interface::Broken;
+use crate::transport::interface::TransportError;
 use crate::transport::lock_free::wait_reason::{Sleep, WaitReason};
 
 fn name(participant: &str) -> String {
@@ -81,17 +81,17 @@ impl Sleeper {
     }
 
     /// Sleeps until woken, or for `limit`.
-    pub fn sleep(&mut self, limit: Duration) -> Result<(), Broken> {
+    pub fn sleep(&mut self, limit: Duration) -> Result<(), TransportError> {
         match self.listener.timed_wait(|_| {}, limit) {
             // A signal, such as that of a debugger, counts as a wake-up.
             Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
-            Err(error) => Err(broken("sleeping", error)),
+            Err(error) => Err(transport_error("sleeping", error)),
         }
     }
 }
 
 impl Sleep for Sleeper {
-    fn sleep(&mut self, limit: Duration) -> Result<(), Broken> {
+    fn sleep(&mut self, limit: Duration) -> Result<(), TransportError> {
         Sleeper::sleep(self, limit)
     }
 }
@@ -121,10 +121,10 @@ impl Waker {
         })
     }
 
-    /// Wakes the participant if it sleeps for something for which `came` is true. To be called after that has been published; costs one
-    /// read of its row while it is awake.
-    pub fn wake(&self, came: impl Fn(WaitReason) -> bool) {
-        if self.status.must_be_woken(came) {
+    /// Wakes the participant if it sleeps for a condition for which `occurred` is true. To be called after that has been published; costs
+    /// one read of its row while it is awake.
+    pub fn wake(&self, occurred: impl Fn(WaitReason) -> bool) {
+        if self.status.must_be_woken(occurred) {
             let _ = self.notifier.notify();
         }
     }

@@ -15,7 +15,7 @@ pub enum Command {
     Run,
     /// Pause at the current activation, and wait for requests.
     Pause,
-    /// Terminate, or enter the run again where the last request to move said.
+    /// Terminate, or enter the run again at the address of the last request to move.
     Terminate,
 }
 

@@ -4,53 +4,53 @@
 //! them, whatever happens to the participant. The first word of the memory is the total number of words of entries ever committed; the
 //! ring begins on the next cache line. The recorder also counts in words.
 //!
-//! An entry is a header of four 64-bit words (stream or [`EVENT`], bytes, index, stamp), then the payload, padded to a multiple of 8. At
-//! the end of the ring, an entry continues at the ring's beginning.
+//! An entry is a header of four 64-bit words (stream or [`EVENT_STREAM`], bytes, index, stamp), then the payload, padded to a multiple of
+//! 8. At the end of the ring, an entry continues at the ring's beginning.
 
 use std::ops::RangeInclusive;
 
 use super::board::{Get, Set};
 use super::room::Room;
-use super::words::{LINE, Word, put};
+use super::words::{LINE, Word, copy_in};
 use crate::control::ParticipantEvent;
-use crate::transport::interface::{Broken, Header};
+use crate::transport::interface::{Header, TransportError};
 use crate::wire;
 
-/// Takes the place of the stream number in the entry of an event.
-pub(super) const EVENT: u64 = u64::MAX;
+/// In the entry of an event, the number in place of the stream's.
+pub(super) const EVENT_STREAM: u64 = u64::MAX;
 /// Words of an entry's header.
-const HEAD: usize = 4;
+const HEADER_WORDS: usize = 4;
 /// The size of a ring where there is enough memory, words: enough for participants that exchange samples every microsecond while the
 /// recorder sleeps, and small enough to stay in a core's own cache.
-const ROOM: usize = 1 << 17;
+const RING_WORDS_MAX: usize = 1 << 17;
 /// The minimum size of a ring, words: a longest event and those that may come with it.
-const ROOM_MIN: usize = 1 << 11;
+const RING_WORDS_MIN: usize = 1 << 11;
 /// The number of activations for which every ring has room.
-const ACTIVATIONS: usize = 4;
+const ACTIVATIONS_MIN: usize = 4;
 /// Words that are taken at a time, if they contain a whole entry.
-const BATCH: usize = 1 << 12;
+const BATCH_WORDS: usize = 1 << 12;
 /// The longest failure reason of a participant, bytes: an event fits into a ring.
-const REASON: usize = 6 * 1024;
+const REASON_BYTES_MAX: usize = 6 * 1024;
 
 /// The words of an entry with a payload of `size` bytes.
-fn words_of(size: usize) -> usize {
-    HEAD + size.div_ceil(8)
+fn entry_words(size: usize) -> usize {
+    HEADER_WORDS + size.div_ceil(8)
 }
 
 /// The words of the entries of one activation with payloads of these sizes.
 fn activation_words(sizes: &[usize]) -> usize {
-    sizes.iter().map(|&size| words_of(size)).sum()
+    sizes.iter().map(|&size| entry_words(size)).sum()
 }
 
 /// The size of a record's ring, bytes, for a participant that appends payloads of `sizes` bytes in each of its `activations`: from the
 /// minimum that it needs to the optimum. More than it ever records is never useful.
-pub fn record_room(sizes: &[usize], activations: u64) -> RangeInclusive<u64> {
+pub fn record_ring_bytes(sizes: &[usize], activations: u64) -> RangeInclusive<u64> {
     let activation = activation_words(sizes);
-    let least = ROOM_MIN.max(ACTIVATIONS * activation).next_multiple_of(LINE);
+    let least = RING_WORDS_MIN.max(ACTIVATIONS_MIN * activation).next_multiple_of(LINE);
     // A continuous participant has one sample more than activations.
     let all = (activations.saturating_add(1)).saturating_mul(activation as u64);
-    let all = usize::try_from(all.saturating_add(ROOM_MIN as u64)).unwrap_or(usize::MAX);
-    let best = all.min(ROOM).next_multiple_of(LINE).max(least);
+    let all = usize::try_from(all.saturating_add(RING_WORDS_MIN as u64)).unwrap_or(usize::MAX);
+    let best = all.min(RING_WORDS_MAX).next_multiple_of(LINE).max(least);
     8 * least as u64..=8 * best as u64
 }
 
@@ -58,8 +58,8 @@ pub fn record_room(sizes: &[usize], activations: u64) -> RangeInclusive<u64> {
 /// the size of four activations if that is more.
 pub(crate) fn ring_words(sizes: &[usize], room: u32) -> usize {
     (room as usize / 8)
-        .max(ROOM_MIN)
-        .max(ACTIVATIONS * activation_words(sizes))
+        .max(RING_WORDS_MIN)
+        .max(ACTIVATIONS_MIN * activation_words(sizes))
         .next_multiple_of(LINE)
 }
 
@@ -91,40 +91,40 @@ impl EntrySender {
     }
 
     /// Whether there is room for `words` more.
-    fn has_room(&mut self, words: usize, count: &impl Get<u64>) -> Result<bool, Broken> {
+    fn has_room(&mut self, words: usize, count: &impl Get<u64>) -> Result<bool, TransportError> {
         self.room.fits(self.size as u64, self.written, words as u64, count)
     }
 
     /// Writes an entry for which there is room.
-    fn append(&mut self, words: &[Word], head: [u64; HEAD], payload: &[u8]) {
+    fn append(&mut self, words: &[Word], head: [u64; HEADER_WORDS], payload: &[u8]) {
         let ring = &words[LINE..];
         for bytes in [bytemuck::cast_slice(&head), payload] {
             let (before, after) = bytes.split_at(bytes.len().min(8 * (self.size - self.at)));
-            put(&ring[self.at..], before);
-            put(ring, after);
+            copy_in(&ring[self.at..], before);
+            copy_in(ring, after);
             self.at += bytes.len().div_ceil(8);
             if self.at >= self.size {
                 self.at -= self.size;
             }
         }
-        self.written += words_of(payload.len()) as u64;
+        self.written += entry_words(payload.len()) as u64;
     }
 
     /// Writes a sample to `words`, of which the recorder has taken as many as `count` says; `false` when there is no room.
     #[inline]
-    pub(crate) fn sample(
+    pub(crate) fn try_append_sample(
         &mut self,
         words: &[Word],
         count: &impl Get<u64>,
         stream: u32,
         header: Header,
         payload: &[u8],
-    ) -> Result<bool, Broken> {
+    ) -> Result<bool, TransportError> {
         // The samples of one activation are committed together, so that a participant that dies leaves whole activations.
         let need = if stream == self.first {
             self.activation
         } else {
-            words_of(payload.len())
+            entry_words(payload.len())
         };
         if !self.has_room(need, count)? {
             return Ok(false);
@@ -142,28 +142,28 @@ impl EntrySender {
     /// Makes everything appended so far available to the recorder.
     #[inline]
     pub(crate) fn commit(&self, words: &[Word]) {
-        words[0].announce(self.written);
+        words[0].store_release(self.written);
     }
 
     /// Appends an event after the samples so far. `false` when there is no room now.
-    pub(crate) fn event(
+    pub(crate) fn try_append_event(
         &mut self,
         words: &[Word],
         count: &impl Get<u64>,
         event: &ParticipantEvent,
-    ) -> Result<bool, Broken> {
+    ) -> Result<bool, TransportError> {
         let mut event = event.clone();
         if let ParticipantEvent::Failed { reason, .. } = &mut event {
-            let end = (0..=REASON.min(reason.len()))
+            let end = (0..=REASON_BYTES_MAX.min(reason.len()))
                 .rev()
                 .find(|&end| reason.is_char_boundary(end));
             reason.truncate(end.unwrap_or(0));
         }
-        let bytes = wire::encode("a participant event", &event).map_err(|error| Broken(error.to_string()))?;
-        if !self.has_room(words_of(bytes.len()), count)? {
+        let bytes = wire::encode("a participant event", &event).map_err(|error| TransportError(error.to_string()))?;
+        if !self.has_room(entry_words(bytes.len()), count)? {
             return Ok(false);
         }
-        self.append(words, [EVENT, bytes.len() as u64, 0, 0], &bytes);
+        self.append(words, [EVENT_STREAM, bytes.len() as u64, 0, 0], &bytes);
         self.commit(words);
         Ok(true)
     }
@@ -197,12 +197,12 @@ impl EntryReceiver {
     pub(crate) fn new() -> EntryReceiver {
         EntryReceiver {
             taken: 0,
-            copy: Vec::with_capacity(BATCH),
+            copy: Vec::with_capacity(BATCH_WORDS),
         }
     }
 
     /// Passes the entries that have arrived in `words` to `take`, at most one batch, and counts them; `false` when there is none.
-    pub(crate) fn receive<E: From<Broken>>(
+    pub(crate) fn receive<E: From<TransportError>>(
         &mut self,
         words: &[Word],
         count: &impl Set<u64>,
@@ -214,7 +214,7 @@ impl EntryReceiver {
         }
         let ring = &words[LINE..];
         let at = (self.taken % size as u64) as usize;
-        let mut batch = BATCH.min(new);
+        let mut batch = BATCH_WORDS.min(new);
         let used = loop {
             self.copy.clear();
             let before = batch.min(size - at);
@@ -227,10 +227,14 @@ impl EntryReceiver {
             // An entry that is longer than a batch is taken alone.
             let longer = (self.copy.get(1))
                 .and_then(|&bytes| usize::try_from(bytes).ok())
-                .map(words_of);
+                .map(entry_words);
             batch = match longer {
                 Some(words) if batch < words && words <= new => words,
-                _ => return Err(Broken("recorded an entry that extends beyond what it committed".to_owned()).into()),
+                _ => {
+                    return Err(
+                        TransportError("recorded an entry that extends beyond what it committed".to_owned()).into(),
+                    );
+                }
             };
         };
         self.taken += used as u64;
@@ -240,15 +244,15 @@ impl EntryReceiver {
 }
 
 /// The size of the ring in a record's memory, and the number of words in it that are committed and not taken.
-pub(super) fn committed(words: &[Word], taken: u64) -> Result<(usize, usize), Broken> {
-    let odd = |what: String| Err(Broken(format!("keeps a record {what}")));
+pub(super) fn committed(words: &[Word], taken: u64) -> Result<(usize, usize), TransportError> {
+    let violation = |what: String| Err(TransportError(format!("keeps a record {what}")));
     if words.len() <= LINE {
-        return odd(format!("of {} words", words.len()));
+        return violation(format!("of {} words", words.len()));
     }
-    let (size, fill) = (words.len() - LINE, words[0].heard());
+    let (size, fill) = (words.len() - LINE, words[0].load_acquire());
     match fill.checked_sub(taken) {
-        None => odd(format!("that shrank from {taken} words to {fill}")),
-        Some(new) if new > size as u64 => odd(format!("of {size} words with {new} committed at once")),
+        None => violation(format!("that shrank from {taken} words to {fill}")),
+        Some(new) if new > size as u64 => violation(format!("of {size} words with {new} committed at once")),
         Some(new) => Ok((size, new as usize)),
     }
 }
@@ -257,7 +261,10 @@ pub(super) fn committed(words: &[Word], taken: u64) -> Result<(usize, usize), Br
 ///
 /// # Errors
 /// What is wrong with them, or the error of `take`.
-pub fn unpack<E: From<Broken>>(words: &[u64], mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<usize, E> {
+pub fn unpack<E: From<TransportError>>(
+    words: &[u64],
+    mut take: impl FnMut(Recorded<'_>) -> Result<(), E>,
+) -> Result<usize, E> {
     let mut rest = words;
     while let Some((entry, after)) = split_entry(rest)? {
         take(entry)?;
@@ -267,8 +274,8 @@ pub fn unpack<E: From<Broken>>(words: &[u64], mut take: impl FnMut(Recorded<'_>)
 }
 
 /// The first entry and the words after it; `None` when it is incomplete.
-fn split_entry(words: &[u64]) -> Result<Option<(Recorded<'_>, &[u64])>, Broken> {
-    let Some((&[stream, size, index, stamp], rest)) = words.split_first_chunk::<HEAD>() else {
+fn split_entry(words: &[u64]) -> Result<Option<(Recorded<'_>, &[u64])>, TransportError> {
+    let Some((&[stream, size, index, stamp], rest)) = words.split_first_chunk::<HEADER_WORDS>() else {
         return Ok(None);
     };
     let bytes: &[u8] = bytemuck::cast_slice(rest);
@@ -276,13 +283,14 @@ fn split_entry(words: &[u64]) -> Result<Option<(Recorded<'_>, &[u64])>, Broken> 
         return Ok(None);
     };
     let rest = &rest[payload.len().div_ceil(8)..];
-    let entry = if stream == EVENT {
+    let entry = if stream == EVENT_STREAM {
         Recorded::Event(
             wire::decode("a participant event", payload)
-                .map_err(|error| Broken(format!("recorded a participant event that is none: {error}")))?,
+                .map_err(|error| TransportError(format!("recorded a participant event that is none: {error}")))?,
         )
     } else {
-        let stream = u32::try_from(stream).map_err(|_| Broken(format!("recorded a sample of stream {stream}")))?;
+        let stream =
+            u32::try_from(stream).map_err(|_| TransportError(format!("recorded a sample of stream {stream}")))?;
         let header = Header {
             index,
             stamp: stamp as i64,

@@ -5,11 +5,11 @@
 
 use super::board::{Get, Set};
 use super::room::Room;
-use super::words::{LINE, Word, put, take};
-use crate::transport::interface::{Broken, Header};
+use super::words::{LINE, Word, copy_in, copy_out};
+use crate::transport::interface::{Header, TransportError};
 
 /// Words before a payload: number, index, stamp.
-pub(crate) const HEAD: usize = 3;
+pub(crate) const HEADER_WORDS: usize = 3;
 
 /// The shape of a ring of slots.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +27,7 @@ impl Slots {
         Slots {
             size,
             capacity,
-            stride: (HEAD + size.div_ceil(8)).next_multiple_of(LINE),
+            stride: (HEADER_WORDS + size.div_ceil(8)).next_multiple_of(LINE),
         }
     }
 
@@ -41,19 +41,21 @@ impl Slots {
     }
 
     /// The first word of the slot after the one at `first`.
-    fn behind(self, first: usize) -> usize {
+    fn next_slot(self, first: usize) -> usize {
         let next = first + self.stride;
         if next < self.words() { next } else { 0 }
     }
 
     /// # Errors
     /// When the size of a payload of `payload` bytes is wrong for this ring.
-    pub(crate) fn fits(self, payload: usize) -> Result<(), Broken> {
+    pub(crate) fn check_size(self, payload: usize) -> Result<(), TransportError> {
         if payload == self.size {
             return Ok(());
         }
         let size = self.size;
-        Err(Broken(format!("a sample of {payload} bytes on a link of {size}")))
+        Err(TransportError(format!(
+            "a sample of {payload} bytes on a link of {size}"
+        )))
     }
 }
 
@@ -84,18 +86,18 @@ impl SlotSender {
         count: &impl Get<u64>,
         header: Header,
         payload: &[u8],
-    ) -> Result<bool, Broken> {
-        self.slots.fits(payload.len())?;
+    ) -> Result<bool, TransportError> {
+        self.slots.check_size(payload.len())?;
         if !self.room.fits(self.slots.capacity as u64, self.sent, 1, count)? {
             return Ok(false);
         }
         let slot = &words[self.at..self.at + self.slots.stride()];
         slot[1].set(header.index);
         slot[2].set(header.stamp as u64);
-        put(&slot[HEAD..], payload);
+        copy_in(&slot[HEADER_WORDS..], payload);
         self.sent += 1;
-        self.at = self.slots.behind(self.at);
-        slot[0].announce(self.sent);
+        self.at = self.slots.next_slot(self.at);
+        slot[0].store_release(self.sent);
         Ok(true)
     }
 }
@@ -120,19 +122,21 @@ impl SlotReceiver {
         words: &[Word],
         count: &impl Set<u64>,
         payload: &mut [u8],
-    ) -> Result<Option<Header>, Broken> {
+    ) -> Result<Option<Header>, TransportError> {
         if words.len() != self.slots.words() {
-            let (came, due) = (words.len(), self.slots.words());
-            return Err(Broken(format!("a ring of {came} words where {due} are expected")));
+            let (size, expected) = (words.len(), self.slots.words());
+            return Err(TransportError(format!(
+                "a ring of {size} words where {expected} are expected"
+            )));
         }
         let slot = &words[self.at..self.at + self.slots.stride()];
-        let (number, due) = (slot[0].heard(), self.taken + 1);
-        if number != due {
+        let (number, expected) = (slot[0].load_acquire(), self.taken + 1);
+        if number != expected {
             // The slot is empty, or still holds the sample that was taken from it one round ago.
-            return match number == due.saturating_sub(self.slots.capacity as u64) {
+            return match number == expected.saturating_sub(self.slots.capacity as u64) {
                 true => Ok(None),
-                false => Err(Broken(format!(
-                    "sample number {number} of the link where number {due} is due"
+                false => Err(TransportError(format!(
+                    "sample number {number} of the link where number {expected} is due"
                 ))),
             };
         }
@@ -141,10 +145,10 @@ impl SlotReceiver {
             stamp: slot[2].get() as i64,
         };
         // A copy, so that what is checked is what is used, whatever the sender does to its memory afterwards.
-        take(&slot[HEAD..], payload);
-        self.taken = due;
-        self.at = self.slots.behind(self.at);
-        count.set(due);
+        copy_out(&slot[HEADER_WORDS..], payload);
+        self.taken = expected;
+        self.at = self.slots.next_slot(self.at);
+        count.set(expected);
         Ok(Some(header))
     }
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use super::board::{Get, Set};
 use super::sync::{Ordering, fence};
-use crate::transport::interface::Broken;
+use crate::transport::interface::TransportError;
 
 /// What a participant sleeps for, encoded for its *wait reason* word: other processes wake it for nothing else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,14 +40,14 @@ pub(crate) fn set_wait_reason(word: &impl Set<u64>, what: Option<WaitReason>) {
     fence(Ordering::SeqCst);
 }
 
-/// Whether the participant must be woken for something for which `came` is true and which has been published.
-pub(crate) fn must_be_woken(word: &impl Get<u64>, came: impl Fn(WaitReason) -> bool) -> bool {
+/// Whether the participant must be woken for a condition for which `occurred` is true and which has been published.
+pub(crate) fn must_be_woken(word: &impl Get<u64>, occurred: impl Fn(WaitReason) -> bool) -> bool {
     fence(Ordering::SeqCst);
-    wait_reason(word).is_some_and(|what| what == WaitReason::FOR_ANYTHING || came(what))
+    wait_reason(word).is_some_and(|what| what == WaitReason::FOR_ANYTHING || occurred(what))
 }
 
 /// Where a participant announces what it sleeps for.
-pub(crate) trait Announce {
+pub(crate) trait SetWaitReason {
     /// Like [`set_wait_reason`], in the participant's own word.
     fn set_wait_reason(&mut self, what: Option<WaitReason>);
 }
@@ -55,5 +55,5 @@ pub(crate) trait Announce {
 /// The sleep of a participant.
 pub(crate) trait Sleep {
     /// Sleeps until woken, or for `limit`. A wake-up that came earlier counts.
-    fn sleep(&mut self, limit: Duration) -> Result<(), Broken>;
+    fn sleep(&mut self, limit: Duration) -> Result<(), TransportError>;
 }

@@ -27,7 +27,7 @@ impl Word {
 
     /// Reads the value; everything that was written before it was announced is then visible.
     #[inline]
-    pub(crate) fn heard(&self) -> u64 {
+    pub(crate) fn load_acquire(&self) -> u64 {
         // Only a relaxed load works on read-only memory.
         let value = self.0.load(Ordering::Relaxed);
         fence(Ordering::Acquire);
@@ -36,7 +36,7 @@ impl Word {
 
     /// Sets the value; a reader that sees it also sees what was written before.
     #[inline]
-    pub(crate) fn announce(&self, value: u64) {
+    pub(crate) fn store_release(&self, value: u64) {
         self.0.store(value, Ordering::Release);
     }
 }
@@ -45,7 +45,7 @@ impl Word {
 ///
 /// # Panics
 /// When there are not enough words.
-pub(crate) fn put(words: &[Word], bytes: &[u8]) {
+pub(crate) fn copy_in(words: &[Word], bytes: &[u8]) {
     let words = &words[..bytes.len().div_ceil(8)];
     if !bytes.len().is_multiple_of(8) {
         words[words.len() - 1].set(0);
@@ -58,7 +58,7 @@ pub(crate) fn put(words: &[Word], bytes: &[u8]) {
 }
 
 /// Reads as many bytes as `bytes` has.
-pub(crate) fn take(words: &[Word], bytes: &mut [u8]) {
+pub(crate) fn copy_out(words: &[Word], bytes: &mut [u8]) {
     let (whole, rest) = bytes.as_chunks_mut::<8>();
     let words = &words[..whole.len() + usize::from(!rest.is_empty())];
     let copy = |(word, bytes): (&Word, &mut [u8; 8])| *bytes = word.get().to_ne_bytes();

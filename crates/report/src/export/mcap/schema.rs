@@ -186,7 +186,7 @@ fn enumeration(field: &Field) -> Vec<u8> {
 
 /// An element of one or two bytes as a varint.
 fn small(element: Element, bytes: &[u8]) -> u64 {
-    let whole = element.whole(bytes) as i64;
+    let whole = element.to_integer(bytes) as i64;
     match element {
         Element::I8 | Element::I16 => ((whole << 1) ^ (whole >> 63)) as u64,
         _ => whole as u64,

@@ -56,7 +56,7 @@ fn put_cell(column: &Column<'_>, payload: &[u8], values: &mut Vec<u8>) {
         }
         _ => {
             for bytes in bytes.chunks_exact(element.size()) {
-                values.extend((element.whole(bytes) as i32).to_le_bytes());
+                values.extend((element.to_integer(bytes) as i32).to_le_bytes());
             }
         }
     }

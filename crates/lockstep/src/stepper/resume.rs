@@ -1,12 +1,12 @@
-//! Changes at rest: resuming at a position, replacing the participant, setting inputs without a link.
+//! Changes while paused: resuming at a position, replacing the participant, setting inputs without a link.
 
 use super::progress::Phase;
-use super::{Ends, PositionError, Stepper};
+use super::{LinkEnds, PositionError, Stepper};
 use crate::participant::{Kind, Outputs, Participant, Termination};
 use crate::plan::{Assignment, Position};
 
 impl Stepper {
-    /// A stepper at rest at `position`, after earlier activations were done elsewhere. The participant must already be initialised and
+    /// A paused stepper at `position`, after earlier activations were done elsewhere. The participant must already be initialised and
     /// have the state that `position` requires.
     ///
     /// # Errors
@@ -14,7 +14,7 @@ impl Stepper {
     pub fn resume(
         participant: Box<dyn Participant>,
         assignment: Assignment,
-        ends: Ends,
+        ends: LinkEnds,
         position: Position,
     ) -> Result<Stepper, PositionError> {
         position.check(&assignment)?;
@@ -32,21 +32,21 @@ impl Stepper {
             }
         }
         stepper.initialised = true;
-        stepper.orders.begun = true;
+        stepper.requests.notify_termination = true;
         stepper.phase = Phase::Idle;
         Ok(stepper)
     }
 
     /// Replaces the participant by `participant`, between two activations: links, schedules and the values of the ports stay as they are.
-    /// The new one must already be prepared: see [`settle`](super::settle). The old one is notified.
+    /// The new one must already be prepared: see [`prepare_to_resume`](super::prepare_to_resume). The old one is notified.
     pub(crate) fn replace(&mut self, participant: Box<dyn Participant>) {
         self.terminate(Termination::Replaced);
         self.participant = participant;
-        self.orders.begun = true;
+        self.requests.notify_termination = true;
     }
 
-    /// Sets the outputs to what a stepper that has just resumed here holds: nothing that was not published.
-    pub(crate) fn forget_unpublished(&mut self) {
+    /// Sets the outputs to those of a stepper that has just resumed here: values that were not published are cleared.
+    pub(crate) fn clear_unpublished_outputs(&mut self) {
         if self.next == 0 && self.assignment.interface.kind == Kind::Sampled {
             self.output_buffers.payloads = Outputs::zeroed(&self.assignment.interface).payloads;
         }

@@ -2,34 +2,34 @@
 
 use super::StepError;
 use super::source::Source;
-use crate::link::{Read, Visibility, interpolate};
+use crate::link::{DeliveryRule, Read, interpolate};
 use crate::participant::Payload;
 use crate::port::Descriptor;
 use crate::time::Ticks;
 
-pub(super) struct Between {
+pub(super) struct Interpolator {
     descriptor: Descriptor,
-    visibility: Visibility,
-    before: Kept,
-    after: Kept,
+    visibility: DeliveryRule,
+    before: BufferedSample,
+    after: BufferedSample,
 }
 
-struct Kept {
+struct BufferedSample {
     index: Option<u64>,
     payload: Payload,
 }
 
-impl Between {
-    pub(super) fn new(descriptor: &Descriptor, visibility: Visibility) -> Between {
-        let kept = || Kept {
+impl Interpolator {
+    pub(super) fn new(descriptor: &Descriptor, visibility: DeliveryRule) -> Interpolator {
+        let empty = || BufferedSample {
             index: None,
             payload: Payload::zeroed(descriptor.size as usize),
         };
-        Between {
+        Interpolator {
             descriptor: descriptor.clone(),
             visibility,
-            before: kept(),
-            after: kept(),
+            before: empty(),
+            after: empty(),
         }
     }
 
@@ -68,8 +68,8 @@ impl Between {
 
     fn receive(&mut self, source: &mut Source, index: u64) -> Result<bool, Box<StepError>> {
         self.after.index = None;
-        let there = source.receive_to(index, self.after.payload.bytes_mut())?;
-        self.after.index = there.then_some(index);
-        Ok(there)
+        let arrived = source.receive_to(index, self.after.payload.bytes_mut())?;
+        self.after.index = arrived.then_some(index);
+        Ok(arrived)
     }
 }

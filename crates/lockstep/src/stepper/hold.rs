@@ -7,12 +7,12 @@ impl Stepper {
     /// Holds the participant before its next step, and before each one after that: [`Stepper::poll`] gathers the inputs and then returns
     /// [`Progress::Held`](super::Progress::Held). If it is held already, it is first released from that step.
     pub fn hold(&mut self) {
-        self.orders.hold = Some(self.next + u64::from(self.is_held()));
+        self.requests.hold = Some(self.next + u64::from(self.is_held()));
     }
 
     /// Stops holding the participant.
-    pub fn let_go(&mut self) {
-        self.orders.hold = None;
+    pub fn release(&mut self) {
+        self.requests.hold = None;
     }
 
     /// Whether the participant has the inputs of its next activation and has not been stepped.
@@ -24,7 +24,7 @@ impl Stepper {
     ///
     /// # Panics
     /// When there is no such input.
-    pub fn shown(&self, input: usize) -> &[u8] {
+    pub fn input_value(&self, input: usize) -> &[u8] {
         self.input_buffers.payloads[input].bytes()
     }
 
@@ -33,11 +33,11 @@ impl Stepper {
     ///
     /// # Panics
     /// When the participant is not held, or the size of `payload` is wrong: a mistake of the caller.
-    pub fn answer(&mut self, output: usize, payload: &[u8]) {
+    pub fn set_output(&mut self, output: usize, payload: &[u8]) {
         assert!(self.is_held(), "it is not held");
         self.output_buffers.payloads[output]
             .bytes_mut()
             .copy_from_slice(payload);
-        self.orders.answered = true;
+        self.requests.outputs_provided = true;
     }
 }

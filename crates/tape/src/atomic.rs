@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Writes `content` to `path` atomically: a reader sees all of it or the previous content. A program that is killed in the meantime
 /// leaves a draft with the suffix `.part` after `path`.
-pub fn write_whole(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
+pub fn write_atomic(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
     let mut draft = path.as_os_str().to_owned();
     draft.push(".part");
     let draft = PathBuf::from(draft);

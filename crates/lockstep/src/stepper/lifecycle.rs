@@ -1,4 +1,4 @@
-//! The end of a participant's part in a run: the participant is notified once, whatever drives it and whatever has happened.
+//! The end of a participant's part in a run: the participant is notified exactly once, in every executor and after every failure.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ impl Stepper {
     /// Notifies the participant that its part is over, unless it has been notified before. Dropping the stepper does this too: the
     /// participant has then finished, or was stopped.
     pub fn terminate(&mut self, why: Termination) {
-        if std::mem::take(&mut self.orders.begun) {
+        if std::mem::take(&mut self.requests.notify_termination) {
             let log = self.output_buffers.log.clone().at(self.next_seconds());
             terminate(self.participant.as_mut(), why, &log);
         }
@@ -23,13 +23,13 @@ impl Stepper {
 
     /// Returns the participant without its links. It has not been notified that its part is over.
     pub fn into_participant(mut self) -> Box<dyn Participant> {
-        self.orders.begun = false;
-        std::mem::replace(&mut self.participant, Box::new(Vacant))
+        self.requests.notify_termination = false;
+        std::mem::replace(&mut self.participant, Box::new(Placeholder))
     }
 
     /// Returns `done`. A participant that has panicked may be in an inconsistent state, and is not called again.
-    pub(super) fn whole(&mut self, done: Result<(), StepError>) -> Result<(), StepError> {
-        self.orders.begun &= !matches!(done, Err(StepError::Panicked(_)));
+    pub(super) fn note_panic(&mut self, done: Result<(), StepError>) -> Result<(), StepError> {
+        self.requests.notify_termination &= !matches!(done, Err(StepError::Panicked(_)));
         done
     }
 }
@@ -46,9 +46,9 @@ impl Drop for Stepper {
 }
 
 /// The placeholder for a participant that was taken out.
-struct Vacant;
+struct Placeholder;
 
-impl Participant for Vacant {
+impl Participant for Placeholder {
     fn interface(&self) -> Interface {
         Interface::new(Kind::Sampled)
     }

@@ -5,84 +5,87 @@ use crate::port::Descriptor;
 
 /// A [`Conversion`] that is prepared for repeated execution. No element is fed by two of its pairs, unless both add.
 #[derive(Debug, Clone)]
-pub(crate) struct Joined {
+pub(crate) struct PreparedConversion {
     /// What is copied unchanged.
-    copies: Vec<Copied>,
+    copies: Vec<CopyRange>,
     /// What is computed.
-    others: Vec<Pair>,
+    computed: Vec<Pair>,
 }
 
 /// Bytes that are contiguous in the sample and in the payload of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Copied {
+struct CopyRange {
     from: usize,
     to: usize,
     len: usize,
 }
 
-impl Joined {
+impl PreparedConversion {
     /// Prepares `conversion`.
-    pub(crate) fn new(conversion: &Conversion) -> Joined {
-        let (copied, others): (Vec<&Pair>, Vec<&Pair>) = conversion.pairs.iter().partition(|pair| pair.keeps_bytes());
-        let each = copied.into_iter().map(Copied::of);
-        let mut each: Vec<Copied> = each.collect();
+    pub(crate) fn new(conversion: &Conversion) -> PreparedConversion {
+        let (copied, computed): (Vec<&Pair>, Vec<&Pair>) =
+            conversion.pairs.iter().partition(|pair| pair.copies_bytes());
+        let ranges = copied.into_iter().map(CopyRange::of);
+        let mut ranges: Vec<CopyRange> = ranges.collect();
         // No element is fed twice, so the order is free; the scenario orders by name, which is unrelated to memory layout.
-        each.sort_by_key(|copied| copied.to);
-        let mut copies: Vec<Copied> = Vec::new();
-        for next in each {
+        ranges.sort_by_key(|range| range.to);
+        let mut copies: Vec<CopyRange> = Vec::new();
+        for next in ranges {
             match copies.last_mut() {
-                Some(last) if last.is_before(next) => last.len += next.len,
+                Some(last) if last.is_adjacent_to(next) => last.len += next.len,
                 _ => copies.push(next),
             }
         }
-        Joined {
+        PreparedConversion {
             copies,
-            others: others.into_iter().cloned().collect(),
+            computed: computed.into_iter().cloned().collect(),
         }
     }
 
     /// Whether samples of `message` are payloads of an input that takes `takes` and are not changed.
-    pub(crate) fn is_nothing(&self, message: &Descriptor, takes: &Descriptor) -> bool {
-        let whole = Copied {
+    pub(crate) fn is_identity(&self, message: &Descriptor, takes: &Descriptor) -> bool {
+        let whole = CopyRange {
             from: 0,
             to: 0,
             len: takes.size as usize,
         };
-        self.others.is_empty() && message.size == takes.size && self.copies == [whole]
+        self.computed.is_empty() && message.size == takes.size && self.copies == [whole]
     }
 
     /// Whether all values are copied unchanged: nothing is computed, and no type is converted.
-    pub(crate) fn keeps_values(&self) -> bool {
-        self.others.is_empty()
+    pub(crate) fn only_copies(&self) -> bool {
+        self.computed.is_empty()
     }
 
     /// Zeroes the elements of `payload` to which this and other conversions will add.
     pub(crate) fn clear(&self, payload: &mut [u8]) {
-        self.others.iter().for_each(|pair| pair.clear(payload));
+        self.computed.iter().for_each(|pair| pair.clear(payload));
     }
 
     /// Converts `sample` into the payload of the input.
     pub(crate) fn apply(&self, sample: &[u8], payload: &mut [u8]) {
-        for &Copied { from, to, len } in &self.copies {
+        for &CopyRange { from, to, len } in &self.copies {
             payload[to..to + len].copy_from_slice(&sample[from..from + len]);
         }
-        self.others.iter().for_each(|pair| pair.apply(sample, payload));
+        self.computed.iter().for_each(|pair| pair.apply(sample, payload));
     }
 
-    /// Writes the values that replace a missing sample into the payload of the input: see [`Conversion::stand_in`].
-    pub(crate) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
-        for &Copied { to, len, .. } in &self.copies {
+    /// Writes the values that replace a missing sample into the payload of the input: see [`Conversion::apply_initial`].
+    pub(crate) fn apply_initial(&self, initial: &[u8], payload: &mut [u8]) {
+        for &CopyRange { to, len, .. } in &self.copies {
             payload[to..to + len].copy_from_slice(&initial[to..to + len]);
         }
-        self.others.iter().for_each(|pair| pair.stand_in(initial, payload));
+        self.computed
+            .iter()
+            .for_each(|pair| pair.apply_initial(initial, payload));
     }
 }
 
-impl Copied {
+impl CopyRange {
     /// The bytes that `pair` copies.
-    fn of(pair: &Pair) -> Copied {
+    fn of(pair: &Pair) -> CopyRange {
         let range = pair.range();
-        Copied {
+        CopyRange {
             from: pair.terms[0].from.offset as usize,
             to: range.start,
             len: range.len(),
@@ -90,7 +93,7 @@ impl Copied {
     }
 
     /// Whether `next` begins where this piece ends, at both ends.
-    fn is_before(self, next: Copied) -> bool {
+    fn is_adjacent_to(self, next: CopyRange) -> bool {
         (self.from + self.len, self.to + self.len) == (next.from, next.to)
     }
 }
@@ -134,8 +137,8 @@ mod tests {
         }
     }
 
-    fn joined(pairs: Vec<Pair>) -> Joined {
-        Joined::new(&Conversion {
+    fn prepared(pairs: Vec<Pair>) -> PreparedConversion {
+        PreparedConversion::new(&Conversion {
             message: message(),
             pairs,
         })
@@ -143,23 +146,23 @@ mod tests {
 
     #[test]
     fn prepared_conversion_merges_adjacent_copies() {
-        let copied = |from: usize, to: usize, len: usize| Copied {
+        let range = |from: usize, to: usize, len: usize| CopyRange {
             from: 8 * from,
             to: 8 * to,
             len: 8 * len,
         };
         let each = |numbers: &[u32]| numbers.iter().map(|&n| pair(double(n), double(n), 1)).collect();
         let all: Vec<u32> = (0..ELEMENTS).rev().collect();
-        let whole = joined(each(&all));
-        assert_eq!(whole.copies, [copied(0, 0, 24)]);
-        assert!(whole.is_nothing(&message(), &message()));
-        assert!(!joined(each(&all[1..])).is_nothing(&message(), &message()));
+        let whole = prepared(each(&all));
+        assert_eq!(whole.copies, [range(0, 0, 24)]);
+        assert!(whole.is_identity(&message(), &message()));
+        assert!(!prepared(each(&all[1..])).is_identity(&message(), &message()));
         let larger = Descriptor {
             size: 8 * ELEMENTS + 8,
             ..message()
         };
-        assert!(!whole.is_nothing(&larger, &message()));
-        assert!(!whole.is_nothing(&message(), &larger));
+        assert!(!whole.is_identity(&larger, &message()));
+        assert!(!whole.is_identity(&message(), &larger));
         // Contiguous at one end only, and one that is scaled.
         let mut pairs = vec![
             pair(double(3), double(0), 2),
@@ -169,9 +172,9 @@ mod tests {
             pair(double(9), double(6), 1),
         ];
         pairs[4].terms[0].scale = 2.0;
-        let some = joined(pairs);
-        assert_eq!(some.copies, [copied(0, 3, 3), copied(4, 6, 1), copied(5, 8, 1)]);
-        assert!(!some.keeps_values());
+        let some = prepared(pairs);
+        assert_eq!(some.copies, [range(0, 3, 3), range(4, 6, 1), range(5, 8, 1)]);
+        assert!(!some.only_copies());
     }
 
     /// Pairs for every element of an input, in any order: copies, mostly from the same position, and others.
@@ -217,18 +220,18 @@ mod tests {
             let bytes = |values: &[f64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
             let (sample, initial) = (bytes(&sample), bytes(&initial));
             let conversion = Conversion { message: message(), pairs };
-            let joined = Joined::new(&conversion);
+            let prepared = PreparedConversion::new(&conversion);
             let mut payloads = [bytes(&[7.0; ELEMENTS as usize]), bytes(&[7.0; ELEMENTS as usize])];
-            for stands_in in [true, false, false] {
+            for use_initial in [true, false, false] {
                 let [one, other] = &mut payloads;
                 conversion.clear(one);
-                joined.clear(other);
-                if stands_in {
-                    conversion.stand_in(&initial, one);
-                    joined.stand_in(&initial, other);
+                prepared.clear(other);
+                if use_initial {
+                    conversion.apply_initial(&initial, one);
+                    prepared.apply_initial(&initial, other);
                 } else {
                     conversion.apply(&sample, one);
-                    joined.apply(&sample, other);
+                    prepared.apply(&sample, other);
                 }
                 prop_assert_eq!(&*one, &*other);
             }

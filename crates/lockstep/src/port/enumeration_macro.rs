@@ -153,7 +153,7 @@ mod tests {
             let check = crate::participant::ValueCheck::new(&descriptor, false);
             let found = descriptor.invalid(payload.bytes()).next();
             assert_eq!(check.passes(payload.bytes()), found.is_none());
-            found.map(|invalid| invalid.words("a sample"))
+            found.map(|invalid| invalid.describe("a sample"))
         };
         assert_eq!(spoilt(6, 200), None);
         let named = "modes[1] = 4: its values are Wait (0), Approach (3), Hold (200)";

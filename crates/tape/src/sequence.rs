@@ -6,26 +6,26 @@ use super::{AppendError, SpecError, StreamSpec};
 
 /// Follows one stream sample by sample and rejects every sample that does not fit.
 #[derive(Debug)]
-pub(crate) struct Track {
+pub(crate) struct SequenceChecker {
     spec: StreamSpec,
     timebase: Timebase,
     sample_time: SampleTime,
     next: u64,
 }
 
-impl Track {
-    pub(crate) fn new(spec: StreamSpec) -> Result<Track, SpecError> {
+impl SequenceChecker {
+    pub(crate) fn new(spec: StreamSpec) -> Result<SequenceChecker, SpecError> {
         let refuse = |source| SpecError::SampleTime {
             stream: spec.name(),
             source,
         };
         // The stream's own tick: the double nearest to an instant does not depend on the tick.
-        let timebase = Timebase::measuring([spec.offset, spec.period]).map_err(refuse)?;
+        let timebase = Timebase::from_times([spec.offset, spec.period]).map_err(refuse)?;
         let sample_time = SampleTime {
             offset: timebase.ceil(spec.offset).map_err(refuse)?,
             period: timebase.ceil(spec.period).map_err(refuse)?,
         };
-        Ok(Track {
+        Ok(SequenceChecker {
             next: spec.first_index,
             spec,
             timebase,
@@ -42,7 +42,7 @@ impl Track {
         self.next - self.spec.first_index
     }
 
-    /// Checks a sample; [`Track::advance`] must follow once it is stored.
+    /// Checks a sample; [`SequenceChecker::advance`] must follow once it is stored.
     pub(crate) fn check(&self, index: u64, stamp_s: f64, payload: &[u8]) -> Result<(), AppendError> {
         if index != self.next {
             return Err(AppendError::Index {
@@ -77,7 +77,7 @@ impl Track {
     }
 
     /// Goes back to `count` accepted samples, or does nothing if there are fewer.
-    pub(crate) fn cut_back(&mut self, count: u64) {
+    pub(crate) fn truncate(&mut self, count: u64) {
         self.next = self.next.min(self.spec.first_index + count);
     }
 }

@@ -1,4 +1,4 @@
-//! The rule of visibility: a sample stamped s on a link with delay d is visible at t exactly when s + d <= t.
+//! The delivery rule: a sample stamped s on a link with delay d is visible at t exactly when s + d <= t.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use crate::fault::LinkFault;
 use crate::random::Stream;
 use crate::time::{Rational, SampleTime, TickError, Ticks, Timebase, gcd, nearest_double};
 
-/// What an input sees where the newest sample was dropped.
+/// The value of an input where the newest sample was dropped.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Hold {
@@ -29,7 +29,7 @@ pub struct Timing {
     pub jitter: Rational,
     /// The probability in [0, 1] that a sample never arrives.
     pub drop: f64,
-    /// What an input sees instead of a dropped sample.
+    /// The value of an input in place of a dropped sample.
     pub hold: Hold,
 }
 
@@ -71,9 +71,9 @@ pub enum TimingError {
     },
 }
 
-/// A link's rule of visibility in the ticks of a plan: a pure function of the scenario and the run's seed.
+/// A link's delivery rule in the ticks of a plan: a pure function of the scenario and the run's seed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Visibility {
+pub struct DeliveryRule {
     /// The instants of the samples: sample k is stamped with the instant k of this sample time.
     producer: SampleTime,
     /// The delay of a sample with draw r is ceil((base + spread * r) / scale) ticks, r in [0, 2^32); with `Hold::Linear`, the larger
@@ -85,12 +85,12 @@ pub struct Visibility {
     drop_below: u64,
     hold: Hold,
     random: Stream,
-    faults: Vec<Disruption>,
+    faults: Vec<ScheduledLinkFault>,
 }
 
 /// A link fault in ticks: it changes the samples stamped from `from` on and before `until`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-struct Disruption {
+struct ScheduledLinkFault {
     from: Ticks,
     until: Ticks,
     /// Is added to `base` for these samples.
@@ -99,15 +99,15 @@ struct Disruption {
     random: Stream,
 }
 
-impl Disruption {
-    fn concerns(&self, stamp: Ticks) -> bool {
+impl ScheduledLinkFault {
+    fn applies_to(&self, stamp: Ticks) -> bool {
         (self.from..self.until).contains(&stamp)
     }
 }
 
-const DRAWS: i128 = 1 << 32;
+const DRAW_RANGE: i128 = 1 << 32;
 
-impl Visibility {
+impl DeliveryRule {
     /// The rule for a link called `link` that carries the samples of `producer` and has the faults `faults`.
     pub fn new(
         timing: &Timing,
@@ -116,7 +116,7 @@ impl Visibility {
         timebase: &Timebase,
         seed: u64,
         link: &str,
-    ) -> Result<Visibility, TimingError> {
+    ) -> Result<DeliveryRule, TimingError> {
         for (what, value) in [("delay", timing.delay), ("jitter", timing.jitter)] {
             if value.is_negative() {
                 return Err(TimingError::Negative { what, value });
@@ -151,20 +151,20 @@ impl Visibility {
                     source,
                 })
             };
-            Ok(Disruption {
+            Ok(ScheduledLinkFault {
                 from: ticks(fault.span.at)?,
                 until: fault.span.until.map_or(Ok(Ticks::MAX), ticks)?,
                 extra,
-                drop_below: (fault.drop * DRAWS as f64) as u64,
+                drop_below: (fault.drop * DRAW_RANGE as f64) as u64,
                 random: Stream::new(seed, &format!("fault {} {link}", fault.name)),
             })
         };
-        Ok(Visibility {
+        Ok(DeliveryRule {
             producer,
             base: *base,
             spread: *spread,
             scale: *scale,
-            drop_below: (timing.drop * DRAWS as f64) as u64,
+            drop_below: (timing.drop * DRAW_RANGE as f64) as u64,
             hold: timing.hold,
             random: Stream::new(seed, &format!("link {link}")),
             faults: faults.iter().zip(extras).map(disruption).collect::<Result<_, _>>()?,
@@ -187,19 +187,21 @@ impl Visibility {
                 .checked_mul(i128::from(time.numerator()))?
                 .checked_mul(i128::from(tick.denominator()))
         };
-        let base = scaled(times.next()?)?.checked_mul(DRAWS)?;
+        let base = scaled(times.next()?)?.checked_mul(DRAW_RANGE)?;
         let spread = scaled(times.next()?)?;
-        let scale = common.checked_mul(i128::from(tick.numerator()))?.checked_mul(DRAWS)?;
+        let scale = common
+            .checked_mul(i128::from(tick.numerator()))?
+            .checked_mul(DRAW_RANGE)?;
         let mut all = vec![base, spread, scale];
         // The largest intermediate value must fit, and the largest delay must be a tick count.
-        let mut largest = base.checked_add(spread.checked_mul(DRAWS)?)?.checked_add(scale)?;
+        let mut largest = base.checked_add(spread.checked_mul(DRAW_RANGE)?)?.checked_add(scale)?;
         for extra in times {
-            let extra = scaled(extra)?.checked_mul(DRAWS)?;
+            let extra = scaled(extra)?.checked_mul(DRAW_RANGE)?;
             largest = largest.checked_add(extra)?;
             all.push(extra);
         }
-        let shared = all.iter().fold(0, |shared, &one| gcd(shared, one)).max(1);
-        all.iter_mut().for_each(|one| *one /= shared);
+        let divisor = all.iter().fold(0, |divisor, &one| gcd(divisor, one)).max(1);
+        all.iter_mut().for_each(|one| *one /= divisor);
         (largest / scale < 1 << 62).then_some(all)
     }
 
@@ -210,7 +212,7 @@ impl Visibility {
 
     /// The delay of sample `k`, ticks: `s + d <= t` and `s + ceil(d) <= t` are the same for whole ticks s and t.
     pub fn delay(&self, k: u64) -> Ticks {
-        self.delay_at(self.draw(k), self.extra_at(k))
+        self.delay_with(self.draw(k), self.extra_at(k))
     }
 
     fn draw(&self, k: u64) -> i128 {
@@ -223,13 +225,13 @@ impl Visibility {
 
     /// With [`Hold::Linear`]: the sample towards which an activation at `t` interpolates from sample `k`, which it reads: the next one
     /// that is not lost, if it was taken before `t` and has arrived, and if the value read is not sample `k` itself.
-    pub fn following(&self, k: u64, t: Ticks) -> Option<u64> {
+    pub fn interpolation_target(&self, k: u64, t: Ticks) -> Option<u64> {
         let since = i128::from(t) - i128::from(self.producer.instant(k));
         if since == self.base / self.scale && self.base % self.scale == 0 {
             return None;
         }
         let last = self.producer.index_at_or_before(t.checked_sub(1)?)?;
-        let next = (k + 1..=last).find(|&next| !self.dropped(next))?;
+        let next = (k + 1..=last).find(|&next| !self.is_dropped(next))?;
         let late = self.ticks(self.spread * self.draw(next) + self.extra_at(next));
         (self.producer.instant(next).saturating_add(late) <= t).then_some(next)
     }
@@ -240,8 +242,8 @@ impl Visibility {
         let (from, to) = (self.producer.instant(before), self.producer.instant(after));
         let (since, between) = (i128::from(t) - i128::from(from), i128::from(to) - i128::from(from));
         // The delay is shift / parts ticks, in lowest terms.
-        let shared = gcd(self.base, self.scale);
-        let (shift, parts) = (self.base / shared, self.scale / shared);
+        let divisor = gcd(self.base, self.scale);
+        let (shift, parts) = (self.base / divisor, self.scale / divisor);
         let exact = || {
             let position = since.checked_mul(parts)?.checked_sub(shift)?;
             Some(nearest_double(position, between.checked_mul(parts)?))
@@ -258,15 +260,15 @@ impl Visibility {
         if self.faults.is_empty() {
             return 0;
         }
-        self.extra_of(self.producer.instant(k))
+        self.extra_at_stamp(self.producer.instant(k))
     }
 
-    fn extra_of(&self, stamp: Ticks) -> i128 {
-        let concerned = self.faults.iter().filter(|fault| fault.concerns(stamp));
-        concerned.map(|fault| fault.extra).sum()
+    fn extra_at_stamp(&self, stamp: Ticks) -> i128 {
+        let active = self.faults.iter().filter(|fault| fault.applies_to(stamp));
+        active.map(|fault| fault.extra).sum()
     }
 
-    fn delay_at(&self, draw: i128, extra: i128) -> Ticks {
+    fn delay_with(&self, draw: i128, extra: i128) -> Ticks {
         let late = extra + self.spread * draw;
         match self.hold {
             Hold::Last | Hold::Initial => self.ticks(self.base + late),
@@ -281,7 +283,7 @@ impl Visibility {
 
     /// Sets the fixed delay to zero and keeps jitter and faults.
     #[cfg(test)]
-    pub(super) fn shift_nothing(&mut self) {
+    pub(super) fn clear_fixed_delay(&mut self) {
         self.base = 0;
     }
 
@@ -290,38 +292,39 @@ impl Visibility {
     /// The least is the delay without faults: a fault that delays samples for a while neither closes nor opens an algebraic loop.
     pub fn delay_bounds(&self) -> (Ticks, Ticks) {
         // The largest sum of overlapping spans occurs where one of them begins.
-        let most = self.faults.iter().map(|fault| self.extra_of(fault.from)).max();
+        let most = self.faults.iter().map(|fault| self.extra_at_stamp(fault.from)).max();
         (
-            self.delay_at(0, 0),
-            self.delay_at(if self.spread == 0 { 0 } else { DRAWS - 1 }, most.unwrap_or(0)),
+            self.delay_with(0, 0),
+            self.delay_with(if self.spread == 0 { 0 } else { DRAW_RANGE - 1 }, most.unwrap_or(0)),
         )
     }
 
     /// True when any sample may be dropped.
-    pub fn drops(&self) -> bool {
+    pub fn may_drop(&self) -> bool {
         self.drop_below > 0 || self.faults.iter().any(|fault| fault.drop_below > 0)
     }
 
     /// True when sample `k` never arrives.
-    pub fn dropped(&self, k: u64) -> bool {
+    pub fn is_dropped(&self, k: u64) -> bool {
         let lost = self.drop_below > 0 && (self.random.bits(2 * k + 1) >> 32) < self.drop_below;
-        lost || (!self.faults.is_empty() && self.lost_to_a_fault(k))
+        lost || (!self.faults.is_empty() && self.is_dropped_by_fault(k))
     }
 
-    fn lost_to_a_fault(&self, k: u64) -> bool {
+    fn is_dropped_by_fault(&self, k: u64) -> bool {
         let stamp = self.producer.instant(k);
-        let lost = |fault: &Disruption| fault.concerns(stamp) && (fault.random.bits(k) >> 32) < fault.drop_below;
+        let lost =
+            |fault: &ScheduledLinkFault| fault.applies_to(stamp) && (fault.random.bits(k) >> 32) < fault.drop_below;
         self.faults.iter().any(lost)
     }
 
-    /// What an input sees in place of a dropped sample.
+    /// The value of an input in place of a dropped sample.
     pub fn hold(&self) -> Hold {
         self.hold
     }
 
     /// The instant from which sample `k` can be seen, if it ever can, ticks.
     pub fn visible_from(&self, k: u64) -> Option<Ticks> {
-        (!self.dropped(k)).then(|| self.producer.instant(k).saturating_add(self.delay(k)))
+        (!self.is_dropped(k)).then(|| self.producer.instant(k).saturating_add(self.delay(k)))
     }
 }
 
@@ -332,8 +335,8 @@ mod tests {
     #[test]
     fn interpolation_weight_is_independent_of_tick() {
         let fraction = |denominator: i128| Rational::new(1, denominator).unwrap();
-        let coarse = Timebase::measuring([fraction(300)]).unwrap();
-        let fine = Timebase::measuring([fraction(300), fraction(700)]).unwrap();
+        let coarse = Timebase::from_times([fraction(300)]).unwrap();
+        let fine = Timebase::from_times([fraction(300), fraction(700)]).unwrap();
         assert_eq!(fine.tick(), fraction(2100));
         for jitter in [Rational::ZERO, fraction(1100)] {
             let timing = Timing {
@@ -347,7 +350,7 @@ mod tests {
                     offset: 0,
                     period: timebase.ceil(fraction(100)).unwrap(),
                 };
-                Visibility::new(&timing, &[], producer, timebase, 1, "x").unwrap()
+                DeliveryRule::new(&timing, &[], producer, timebase, 1, "x").unwrap()
             };
             let (coarse, fine) = (rule(&coarse), rule(&fine));
             for t in 1..3000 {
@@ -355,7 +358,7 @@ mod tests {
                 let before = (7 * t - 3) / 21;
                 for after in before + 1..before + 4 {
                     let nearest = (7 * t - 3 - 21 * before) as f64 / (21 * (after - before)) as f64;
-                    let bits = |rule: &Visibility, t| rule.weight(t, before as u64, after as u64).to_bits();
+                    let bits = |rule: &DeliveryRule, t| rule.weight(t, before as u64, after as u64).to_bits();
                     let weights = [bits(&coarse, t), bits(&fine, 7 * t)];
                     assert_eq!(
                         weights,

@@ -1,6 +1,6 @@
-//! Which folders are taken, what is restored, and what is never removed.
+//! Which folders are accepted, what is restored, and what is never removed.
 
-use super::super::outputs::note_outputs;
+use super::super::outputs::record_outputs;
 use super::*;
 
 fn names(root: &Path) -> Vec<String> {
@@ -26,13 +26,13 @@ fn dropped_reservation_removes_created_entries() {
     let root = crate::scratch_for_tests("refused").join("deep/down");
     let outermost = root.parent().unwrap().parent().unwrap().to_owned();
     fs::create_dir_all(&outermost).unwrap();
-    let claim = Claim::of(&root, false).unwrap();
-    claim.folder().write(&claim.folder().plan(), "x").unwrap();
-    drop(claim);
+    let reservation = Reservation::reserve(&root, false).unwrap();
+    reservation.folder().write(&reservation.folder().plan(), "x").unwrap();
+    drop(reservation);
     assert_eq!(names(&outermost), Vec::<String>::new());
     // An existing empty folder still exists, and is empty.
     fs::create_dir_all(&root).unwrap();
-    drop(Claim::of(&root, true).unwrap());
+    drop(Reservation::reserve(&root, true).unwrap());
     assert_eq!(names(&root), Vec::<String>::new());
 }
 
@@ -40,18 +40,18 @@ fn dropped_reservation_removes_created_entries() {
 fn previous_run_is_restored_unless_new_run_begins() {
     let root = crate::scratch_for_tests("replaced");
     run(&root, "old");
-    let claim = Claim::of(&root, true).unwrap();
-    claim.folder().write(&claim.folder().plan(), "new").unwrap();
-    assert!(!claim.folder().tape().exists());
-    let error = Claim::of(&root, true).unwrap_err().to_string();
+    let reservation = Reservation::reserve(&root, true).unwrap();
+    reservation.folder().write(&reservation.folder().plan(), "new").unwrap();
+    assert!(!reservation.folder().tape().exists());
+    let error = Reservation::reserve(&root, true).unwrap_err().to_string();
     assert!(error.contains("under way"), "{error}");
-    drop(claim);
+    drop(reservation);
     assert_eq!(fs::read_to_string(root.join("plan.toml")).unwrap(), "old");
     assert_eq!(fs::read_to_string(root.join("tape/index.json")).unwrap(), "old");
     assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
-    let claim = Claim::of(&root, true).unwrap();
-    claim.folder().write(&claim.folder().plan(), "new").unwrap();
-    claim.keep();
+    let reservation = Reservation::reserve(&root, true).unwrap();
+    reservation.folder().write(&reservation.folder().plan(), "new").unwrap();
+    reservation.into_folder();
     assert_eq!(fs::read_to_string(root.join("plan.toml")).unwrap(), "new");
     assert_eq!(names(&root), ["log", "plan.toml"]);
 }
@@ -64,19 +64,19 @@ fn contents(root: &Path) -> [String; 2] {
 #[test]
 fn run_set_aside_by_killed_program_is_restored() {
     let root = crate::scratch_for_tests("killed");
-    let before = root.join(BEFORE);
+    let previous = root.join(PREVIOUS);
     let back = || {
-        drop(Claim::of(&root, true).unwrap());
+        drop(Reservation::reserve(&root, true).unwrap());
         assert_eq!(contents(&root), ["old", "old"]);
         assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
     };
     run(&root, "old");
-    // Killed while the folder was made, and just before the run began.
+    // Killed while the folder was created, and just before the run began.
     for count in 0..=3 {
-        let mut claim = Claim::of(&root, true).unwrap();
-        claim.kept = true;
-        let folder = claim.folder().clone();
-        drop(claim);
+        let mut reservation = Reservation::reserve(&root, true).unwrap();
+        reservation.committed = true;
+        let folder = reservation.folder().clone();
+        drop(reservation);
         if count > 0 {
             folder.write(&folder.plan(), "new").unwrap();
         }
@@ -89,11 +89,11 @@ fn run_set_aside_by_killed_program_is_restored() {
         }
         back();
     }
-    // Killed while the run was set aside, or brought back.
+    // Killed while the run was set aside, or restored.
     for moved in 0..=3 {
-        fs::create_dir(&before).unwrap();
-        for name in &in_order(own_entries(&root).unwrap())[..moved] {
-            fs::rename(root.join(name), before.join(name)).unwrap();
+        fs::create_dir(&previous).unwrap();
+        for name in &sort_for_moving(list_own_entries(&root).unwrap())[..moved] {
+            fs::rename(root.join(name), previous.join(name)).unwrap();
         }
         back();
     }
@@ -104,20 +104,20 @@ fn replaced_run_is_never_restored() {
     let root = crate::scratch_for_tests("discarded");
     run(&root, "new");
     // Killed while the previous run was removed.
-    for name in [BEFORE, DISCARDED] {
+    for name in [PREVIOUS, DISCARDED] {
         fs::create_dir(root.join(name)).unwrap();
         fs::write(root.join(name).join("run.json"), "{}").unwrap();
-        drop(Claim::of(&root, true).unwrap());
+        drop(Reservation::reserve(&root, true).unwrap());
         assert_eq!(contents(&root), ["new", "new"]);
         assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
     }
     // A previous run that could not be removed.
-    fs::create_dir(root.join(BEFORE)).unwrap();
-    for name in MARKS {
-        fs::write(root.join(BEFORE).join(name), "old").unwrap();
+    fs::create_dir(root.join(PREVIOUS)).unwrap();
+    for name in REQUIRED_FILES {
+        fs::write(root.join(PREVIOUS).join(name), "old").unwrap();
     }
     fs::write(root.join("summary.json"), "{}").unwrap();
-    drop(Claim::of(&root, true).unwrap());
+    drop(Reservation::reserve(&root, true).unwrap());
     assert_eq!(contents(&root), ["new", "new"]);
 }
 
@@ -125,10 +125,10 @@ fn replaced_run_is_never_restored() {
 fn reservation_replaces_only_run_folders() {
     let root = crate::scratch_for_tests("precious");
     let refused = |part: &str| {
-        let before = names(&root);
-        let error = Claim::of(&root, true).unwrap_err().to_string();
+        let previous = names(&root);
+        let error = Reservation::reserve(&root, true).unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
-        assert_eq!(names(&root), before);
+        assert_eq!(names(&root), previous);
     };
     fs::create_dir_all(&root).unwrap();
     fs::write(root.join("precious.txt"), "work of years").unwrap();
@@ -142,7 +142,7 @@ fn reservation_replaces_only_run_folders() {
     refused("`precious.txt` in it does not belong to a run");
     assert_eq!(fs::read_to_string(root.join("precious.txt")).unwrap(), "work of years");
     fs::remove_file(root.join("precious.txt")).unwrap();
-    drop(Claim::of(&root, true).unwrap());
+    drop(Reservation::reserve(&root, true).unwrap());
     assert_eq!(names(&root), ["plan.toml", "run.json"]);
 }
 
@@ -156,16 +156,16 @@ fn reservation_replaces_recorded_outputs_only() {
     for file in &files {
         fs::write(file, "drawn").unwrap();
     }
-    note_outputs(&files[..1], true).unwrap();
+    record_outputs(&files[..1], true).unwrap();
     fs::write(&files[0], "longer").unwrap();
-    note_outputs(&files[1..], false).unwrap();
-    // It comes back with the run that is set aside.
+    record_outputs(&files[1..], false).unwrap();
+    // The outputs are restored with the run that was set aside.
     let all = names(&root);
-    drop(Claim::of(&root, true).unwrap());
+    drop(Reservation::reserve(&root, true).unwrap());
     assert_eq!(names(&root), all);
-    note_outputs(&files, false).unwrap();
+    record_outputs(&files, false).unwrap();
     let refused = |part: &str| {
-        let error = Claim::of(&root, true).unwrap_err().to_string();
+        let error = Reservation::reserve(&root, true).unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
         assert_eq!(names(&root), all);
     };
@@ -174,10 +174,10 @@ fn reservation_replaces_recorded_outputs_only() {
     fs::remove_file(at("figures/notes.txt")).unwrap();
     fs::write(&files[1], "drawn anew").unwrap();
     refused("`figures/a.svg` in it was changed");
-    note_outputs(&files[1..2], false).unwrap();
-    let claim = Claim::of(&root, true).unwrap();
-    assert_eq!(names(&root), [BEFORE, "log"]);
-    claim.keep();
+    record_outputs(&files[1..2], false).unwrap();
+    let reservation = Reservation::reserve(&root, true).unwrap();
+    assert_eq!(names(&root), [PREVIOUS, "log"]);
+    reservation.into_folder();
     assert_eq!(names(&root), ["log"]);
 }
 
@@ -202,7 +202,7 @@ fn simultaneous_runs_get_distinct_folders() {
                 scope.spawn(|| {
                     (0..20)
                         .map(|_| RunFolder::create_default(&runs, "a/b é").unwrap())
-                        .map(|claim| claim.keep().root().to_owned())
+                        .map(|reservation| reservation.into_folder().root().to_owned())
                         .collect::<Vec<_>>()
                 })
             })

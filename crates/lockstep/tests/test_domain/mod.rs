@@ -1,4 +1,4 @@
-//! A place in shared memory for one test, removed at its end.
+//! A domain in shared memory for one test, removed at its end.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -6,14 +6,14 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use lockstep::transport::iceoryx::{Address, Domain};
 
 /// A domain of its own, with no other process in it.
-pub struct Place {
+pub struct TestDomain {
     pub domain: Domain,
     prefix: String,
     folder: PathBuf,
 }
 
-impl Place {
-    pub fn new() -> Place {
+impl TestDomain {
+    pub fn new() -> TestDomain {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let next = NEXT.fetch_add(1, Ordering::Relaxed);
         let name = format!("lockstep_test_{}_{next}_", std::process::id());
@@ -23,7 +23,7 @@ impl Place {
             prefix: name.clone(),
             folder: folder.clone(),
         };
-        Place {
+        TestDomain {
             domain: Domain::enter(address, "test").expect("a new name is free"),
             prefix: name,
             folder,
@@ -31,7 +31,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for TestDomain {
     fn drop(&mut self) {
         for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
             if entry.file_name().to_string_lossy().starts_with(&self.prefix) {

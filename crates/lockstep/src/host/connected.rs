@@ -1,27 +1,27 @@
-//! A participant with all of its links connected: stepping, waiting, coming to rest.
+//! A participant with all of its links connected: stepping, waiting, pausing.
 
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use super::HostError;
+use super::backoff::Backoff;
 use super::neighbours::Neighbours;
 use super::spans::Spans;
-use super::waiting::Patience;
-use crate::control::{ParticipantEvent, Timing, Waiting};
+use crate::control::{ParticipantEvent, WaitStrategy, WallTimeBreakdown};
 use crate::participant::Participant;
 use crate::plan::{Assignment, Position};
-use crate::span::{Doing, now_ns};
-use crate::stepper::{Ends, PositionError, Progress, StepError, Stepper, Wait};
+use crate::span::{SpanActivity, now_ns};
+use crate::stepper::{LinkEnds, PositionError, Progress, StepError, Stepper, Wait};
 use crate::time::Ticks;
-use crate::transport::Broken;
+use crate::transport::TransportError;
 use crate::transport::iceoryx::{
     Activity, ClockReader, Command, Domain, DomainError, LinkService, RecordSender, SharedRecord, Sleeper, Status,
     StatusWriter, WaitReason,
 };
 
 /// The time between two polls of a participant that must hand something over when there is no room.
-const NAP: Duration = Duration::from_millis(1);
+const RETRY_INTERVAL: Duration = Duration::from_millis(1);
 
 /// Why a participant cannot connect.
 #[derive(Debug, thiserror::Error)]
@@ -33,14 +33,14 @@ pub(super) enum ConnectError {
 }
 
 /// A participant with all of its links.
-pub(super) struct Ready {
+pub(super) struct ConnectedParticipant {
     pub(super) stepper: Stepper,
     pub(super) clock: ClockReader,
     record: SharedRecord,
     /// The participants that may be waiting for a sample of an output, or for room on the link into an input.
     neighbours: Neighbours,
-    pub(super) patience: Patience,
-    pub(super) timing: Timing,
+    pub(super) backoff: Backoff,
+    pub(super) timing: WallTimeBreakdown,
     /// The spans of wall-clock time, if they were requested.
     pub(super) spans: Option<Spans>,
     /// Whether the links have been prepared.
@@ -51,7 +51,7 @@ pub(super) struct Ready {
 
 /// A wait, up to the last poll at which the clock was read.
 #[derive(Debug, Clone, Copy)]
-struct Waited {
+struct WaitInterval {
     what: Wait,
     since: Instant,
     until: Instant,
@@ -61,9 +61,9 @@ struct Waited {
     since_ns: u64,
 }
 
-/// Why a stretch of steps ended.
+/// Why [`ConnectedParticipant::advance`] returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Pause {
+pub(super) enum AdvanceOutcome {
     /// Everything before this horizon is done.
     AtHorizon(Ticks),
     /// Everything is done.
@@ -83,10 +83,10 @@ pub(super) fn connect(
     participant: Box<dyn Participant>,
     assignment: Assignment,
     cores: &[u32],
-    waiting: Waiting,
+    waiting: WaitStrategy,
     room: u32,
     position: Option<Position>,
-) -> Result<Ready, ConnectError> {
+) -> Result<ConnectedParticipant, ConnectError> {
     if !cores.is_empty() {
         let mut set = rustix::thread::CpuSet::new();
         cores.iter().for_each(|&core| set.set(core as usize));
@@ -94,7 +94,7 @@ pub(super) fn connect(
         let _ = rustix::thread::sched_setaffinity(None, &set);
     }
     let mut links = Vec::new();
-    let mut ends = Ends {
+    let mut ends = LinkEnds {
         receivers: Vec::new(),
         senders: Vec::new(),
         recording: Box::new(crate::transport::NoRecording),
@@ -122,20 +122,20 @@ pub(super) fn connect(
     let record = RecordSender::open(domain, name, first, &sizes, room)?;
     let record = SharedRecord(Rc::new(RefCell::new(record)));
     ends.recording = Box::new(record.clone());
-    let timing = Timing {
+    let timing = WallTimeBreakdown {
         inputs_ns: vec![0; assignment.inputs.len()],
-        ..Timing::default()
+        ..WallTimeBreakdown::default()
     };
     let stepper = match position {
         None => Stepper::new(participant, assignment, ends),
         Some(position) => Stepper::resume(participant, assignment, ends, position)?,
     };
-    Ok(Ready {
+    Ok(ConnectedParticipant {
         stepper,
         clock: ClockReader::open(domain)?,
         record,
         neighbours,
-        patience: Patience::new(waiting),
+        backoff: Backoff::new(waiting),
         timing,
         spans: None,
         prepared: false,
@@ -143,25 +143,25 @@ pub(super) fn connect(
     })
 }
 
-impl Ready {
+impl ConnectedParticipant {
     /// Steps until `horizon`, the end, or a command of the clock.
     pub(super) fn advance(
         &mut self,
         horizon: Ticks,
         status: &mut StatusWriter,
         sleeper: &mut Sleeper,
-    ) -> Result<Pause, HostError> {
+    ) -> Result<AdvanceOutcome, HostError> {
         let started = Instant::now();
         let count = self.stepper.assignment().activations;
         self.stepper.extend_horizon(horizon);
         if !std::mem::replace(&mut self.prepared, true) {
             let prepared = self.stepper.prepare();
-            prepared.map_err(|source| self.failed(source))?;
+            prepared.map_err(|source| self.step_error(source))?;
         }
         if let Some(spans) = &mut self.spans {
-            spans.goes_on(self.stepper.next_activation());
+            spans.end_pause(self.stepper.next_activation());
         }
-        let mut waiting: Option<Waited> = None;
+        let mut waiting: Option<WaitInterval> = None;
         status.set(Status {
             next: self.stepper.next_activation(),
             activity: Activity::Computing,
@@ -171,21 +171,21 @@ impl Ready {
             let begun_ns = self.spans.as_ref().map(|_| now_ns());
             let progress = match self.stepper.poll() {
                 Ok(progress) => progress,
-                Err(source) => return Err(self.failed(source)),
+                Err(source) => return Err(self.step_error(source)),
             };
             self.neighbours.wake();
             if let Some(begun_ns) = begun_ns {
-                self.keep_spans(activation, progress, waiting, begun_ns);
+                self.record_spans(activation, progress, waiting, begun_ns);
             }
             if let Progress::Waiting(wait) = progress {
                 if self.wait(wait, &mut waiting, status, sleeper)? {
-                    return Ok(Pause::Commanded);
+                    return Ok(AdvanceOutcome::Commanded);
                 }
                 continue;
             }
             if let Some(waited) = waiting.take() {
-                self.account(waited);
-                self.patience.rest(status);
+                self.add_to_breakdown(waited);
+                self.backoff.reset(status);
             }
             match progress {
                 Progress::Stepped => {
@@ -193,83 +193,83 @@ impl Ready {
                         next: activation + 1,
                         activity: Activity::Computing,
                     });
-                    self.hand_out_spans()?;
+                    self.try_send_spans()?;
                     if activation % 256 == 255 && self.clock.command() != Command::Run {
-                        return Ok(Pause::Commanded);
+                        return Ok(AdvanceOutcome::Commanded);
                     }
                 }
                 Progress::AtHorizon => {
                     let next = activation;
                     let activity = Activity::Paused;
-                    self.pause(started, Status { next, activity }, status, sleeper)?;
-                    self.spans.iter_mut().for_each(Spans::rests);
-                    self.hand_over(&ParticipantEvent::AtHorizon { horizon, next }, sleeper)?;
-                    return Ok(Pause::AtHorizon(horizon));
+                    self.finish_advance(started, Status { next, activity }, status, sleeper)?;
+                    self.spans.iter_mut().for_each(Spans::begin_pause);
+                    self.send_event(&ParticipantEvent::AtHorizon { horizon, next }, sleeper)?;
+                    return Ok(AdvanceOutcome::AtHorizon(horizon));
                 }
                 Progress::Finished => {
-                    self.timing.sleeps = self.patience.sleeps;
+                    self.timing.sleeps = self.backoff.sleeps;
                     let (next, activity) = (count, Activity::Finished);
-                    self.pause(started, Status { next, activity }, status, sleeper)?;
-                    self.hand_over(&ParticipantEvent::Finished(self.timing.clone()), sleeper)?;
-                    return Ok(Pause::Finished);
+                    self.finish_advance(started, Status { next, activity }, status, sleeper)?;
+                    self.send_event(&ParticipantEvent::Finished(self.timing.clone()), sleeper)?;
+                    return Ok(AdvanceOutcome::Finished);
                 }
                 // In a process, no participant is held and no step is left to the caller.
-                Progress::Waiting(_) | Progress::Held | Progress::Parked => {}
+                Progress::Waiting(_) | Progress::Held | Progress::Deferred => {}
             }
         }
     }
 
-    /// Ends the stretch of steps that began at `started`, with this status.
-    fn pause(
+    /// Ends the advance that began at `started`: records its duration, publishes this status and sends the spans.
+    fn finish_advance(
         &mut self,
         started: Instant,
         now: Status,
         status: &mut StatusWriter,
         sleeper: &mut Sleeper,
-    ) -> Result<(), Broken> {
+    ) -> Result<(), TransportError> {
         self.timing.total_ns += started.elapsed().as_nanos() as u64;
         status.set(now);
-        self.hand_over_spans(sleeper)
+        self.send_all_spans(sleeper)
     }
 
     /// Pauses before the next poll; returns whether the clock has a command.
     fn wait(
         &mut self,
         wait: Wait,
-        waiting: &mut Option<Waited>,
+        waiting: &mut Option<WaitInterval>,
         status: &mut StatusWriter,
         sleeper: &mut Sleeper,
     ) -> Result<bool, HostError> {
         if waiting.is_none_or(|known| known.what != wait) {
             let now = Instant::now();
-            let begun = Waited {
+            let begun = WaitInterval {
                 what: wait,
                 since: now,
                 until: now,
-                sleeps: self.patience.sleeps,
+                sleeps: self.backoff.sleeps,
                 since_ns: self.spans.as_ref().map_or(0, |_| now_ns()),
             };
             if let Some(known) = waiting.replace(begun) {
-                self.account(Waited { until: now, ..known });
+                self.add_to_breakdown(WaitInterval { until: now, ..known });
             }
         }
-        if self.patience.is_long() {
+        if self.backoff.is_long_wait() {
             status.set(Status {
                 next: self.stepper.next_activation(),
-                activity: activity(wait),
+                activity: status_activity(wait),
             });
             if self.clock.command() != Command::Run {
                 return Ok(true);
             }
         }
-        self.patience.pause(self.sleeping(wait), status, sleeper)?;
-        if let Some(waiting) = waiting.as_mut().filter(|_| self.patience.took_time()) {
+        self.backoff.pause(self.wait_reason(wait), status, sleeper)?;
+        if let Some(waiting) = waiting.as_mut().filter(|_| self.backoff.should_read_clock()) {
             waiting.until = Instant::now();
         }
         Ok(false)
     }
 
-    fn failed(&self, source: StepError) -> HostError {
+    fn step_error(&self, source: StepError) -> HostError {
         HostError::Step {
             activation: self.stepper.next_activation(),
             t: self.stepper.next_seconds(),
@@ -277,27 +277,27 @@ impl Ready {
         }
     }
 
-    /// Comes to rest at the current activation, and reports which one that is.
-    pub(super) fn recall(&mut self, status: &mut StatusWriter, sleeper: &mut Sleeper) -> Result<(), HostError> {
+    /// Pauses at the current activation, and reports which one that is.
+    pub(super) fn pause(&mut self, status: &mut StatusWriter, sleeper: &mut Sleeper) -> Result<(), HostError> {
         loop {
-            let rests = self.stepper.come_to_rest();
-            if rests.map_err(|source| self.failed(source))? {
+            let paused = self.stepper.pause();
+            if paused.map_err(|source| self.step_error(source))? {
                 break;
             }
             if self.clock.command() == Command::Terminate {
                 return Ok(());
             }
-            sleeper.sleep(NAP)?;
+            sleeper.sleep(RETRY_INTERVAL)?;
         }
-        self.patience.rest(status);
+        self.backoff.reset(status);
         let next = self.stepper.next_activation();
         let activity = Activity::Paused;
         status.set(Status { next, activity });
-        self.hand_over_spans(sleeper)?;
-        Ok(self.hand_over(&ParticipantEvent::Paused { next }, sleeper)?)
+        self.send_all_spans(sleeper)?;
+        Ok(self.send_event(&ParticipantEvent::Paused { next }, sleeper)?)
     }
 
-    fn sleeping(&self, wait: Wait) -> WaitReason {
+    fn wait_reason(&self, wait: Wait) -> WaitReason {
         let own = self.stepper.assignment();
         match wait {
             Wait::Sample { input, .. } => Some(WaitReason::for_sample(own.inputs[input].link)),
@@ -307,7 +307,7 @@ impl Ready {
         .unwrap_or(WaitReason::FOR_ANYTHING)
     }
 
-    fn account(&mut self, Waited { what, since, until, .. }: Waited) {
+    fn add_to_breakdown(&mut self, WaitInterval { what, since, until, .. }: WaitInterval) {
         let nanos = (until - since).as_nanos() as u64;
         match what {
             Wait::Sample { input, .. } => self.timing.inputs_ns[input] += nanos,
@@ -317,80 +317,80 @@ impl Ready {
     }
 
     /// Sends an event to the recorder, after all samples.
-    pub(super) fn hand_over(&mut self, event: &ParticipantEvent, sleeper: &mut Sleeper) -> Result<(), Broken> {
-        while !self.record.0.borrow_mut().event(event)? && self.clock.command() != Command::Terminate {
-            sleeper.sleep(NAP)?;
+    pub(super) fn send_event(&mut self, event: &ParticipantEvent, sleeper: &mut Sleeper) -> Result<(), TransportError> {
+        while !self.record.0.borrow_mut().try_append_event(event)? && self.clock.command() != Command::Terminate {
+            sleeper.sleep(RETRY_INTERVAL)?;
         }
         Ok(())
     }
 }
 
-impl Ready {
+impl ConnectedParticipant {
     /// Records the spans of a call of the stepper for `activation`, which began at `begun_ns` and returned `progress`; `waiting` is the
     /// wait before it.
-    fn keep_spans(&mut self, activation: u64, progress: Progress, waiting: Option<Waited>, begun_ns: u64) {
+    fn record_spans(&mut self, activation: u64, progress: Progress, waiting: Option<WaitInterval>, begun_ns: u64) {
         let Some(spans) = &mut self.spans else { return };
         let now_for = match progress {
             Progress::Waiting(wait) => Some(wait),
-            Progress::Stepped | Progress::AtHorizon | Progress::Finished | Progress::Held | Progress::Parked => None,
+            Progress::Stepped | Progress::AtHorizon | Progress::Finished | Progress::Held | Progress::Deferred => None,
         };
         let over = waiting.filter(|waited| Some(waited.what) != now_for);
         if let Some(waited) = over {
-            let sleeps = self.patience.sleeps - waited.sleeps;
-            spans.waited(
+            let sleeps = self.backoff.sleeps - waited.sleeps;
+            spans.record_wait(
                 activation,
-                doing(waited.what),
+                span_activity(waited.what),
                 sleeps as u32,
                 waited.since_ns,
                 begun_ns.max(waited.since_ns),
             );
         }
         match progress {
-            Progress::Stepped => spans.computed(activation, begun_ns, true),
+            Progress::Stepped => spans.record_step(activation, begun_ns, true),
             // The time before the wait belongs to the step.
             Progress::Waiting(Wait::Room { .. } | Wait::Recording) if over.is_some() || waiting.is_none() => {
-                spans.computed(activation, begun_ns, false);
+                spans.record_step(activation, begun_ns, false);
             }
-            Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished | Progress::Held | Progress::Parked => {}
+            Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished | Progress::Held | Progress::Deferred => {}
         }
     }
 
     /// Sends spans as far as there is room, when they are due.
-    fn hand_out_spans(&mut self) -> Result<(), Broken> {
+    fn try_send_spans(&mut self) -> Result<(), TransportError> {
         while let Some(spans) = self.spans.as_mut().filter(|spans| spans.is_due())
             && let Some(event) = spans.event()
-            && self.record.0.borrow_mut().event(&event)?
+            && self.record.0.borrow_mut().try_append_event(&event)?
         {
-            spans.handed();
+            spans.mark_sent();
         }
         Ok(())
     }
 
     /// Sends all spans.
-    pub(super) fn hand_over_spans(&mut self, sleeper: &mut Sleeper) -> Result<(), Broken> {
+    pub(super) fn send_all_spans(&mut self, sleeper: &mut Sleeper) -> Result<(), TransportError> {
         while let Some(event) = self.spans.as_ref().and_then(Spans::event) {
-            self.hand_over(&event, sleeper)?;
-            self.spans.iter_mut().for_each(Spans::handed);
+            self.send_event(&event, sleeper)?;
+            self.spans.iter_mut().for_each(Spans::mark_sent);
         }
         Ok(())
     }
 }
 
-fn doing(wait: Wait) -> Doing {
+fn span_activity(wait: Wait) -> SpanActivity {
     match wait {
-        Wait::Sample { input, index } => Doing::Sample {
+        Wait::Sample { input, index } => SpanActivity::Sample {
             link: input as u32,
             index,
         },
-        Wait::Room { output, consumer } => Doing::Room {
+        Wait::Room { output, consumer } => SpanActivity::Room {
             output: output as u32,
             consumer: consumer as u32,
         },
-        Wait::Recording => Doing::Recorder,
+        Wait::Recording => SpanActivity::Recorder,
     }
 }
 
-fn activity(wait: Wait) -> Activity {
+fn status_activity(wait: Wait) -> Activity {
     match wait {
         Wait::Sample { input, index } => Activity::Input {
             input: input as u32,

@@ -2,33 +2,33 @@
 
 use super::progress::Phase;
 use super::{StepError, Stepper};
-use crate::participant::Pending;
+use crate::participant::PendingStep;
 
 impl Stepper {
     /// From now on leaves steps to the caller, if the participant supports that: [`Stepper::poll`] then stops at
-    /// [`Progress::Parked`](super::Progress::Parked) with all inputs received, until the step that [`Stepper::pending`] returns has been
-    /// executed.
-    pub fn park(&mut self) {
-        self.parked.wanted = self.participant.abreast().is_some();
+    /// [`Progress::Deferred`](super::Progress::Deferred) with all inputs received, until the step that [`Stepper::pending`] returns has
+    /// been executed.
+    pub fn defer_steps(&mut self) {
+        self.deferred.wanted = self.participant.abreast().is_some();
     }
 
     /// The step that is ready to be executed, if there is one.
-    pub fn pending(&mut self) -> Option<Pending<'_>> {
-        if self.phase != Phase::Parked || self.parked.result.is_some() {
+    pub fn pending(&mut self) -> Option<PendingStep<'_>> {
+        if self.phase != Phase::Deferred || self.deferred.result.is_some() {
             return None;
         }
-        Some(Pending {
-            step: self.parked.step?,
+        Some(PendingStep {
+            step: self.deferred.step?,
             member: self.participant.abreast()?,
             inputs: &self.input_buffers,
             outputs: &mut self.output_buffers,
-            result: &mut self.parked.result,
+            result: &mut self.deferred.result,
         })
     }
 
     /// Continues after a step that the caller has executed. `false` when it has not been executed.
-    pub(super) fn take_over(&mut self) -> Result<bool, StepError> {
-        let Some(result) = self.parked.result.take() else {
+    pub(super) fn finish_deferred_step(&mut self) -> Result<bool, StepError> {
+        let Some(result) = self.deferred.result.take() else {
             return Ok(false);
         };
         result.map_err(StepError::Failed)?;

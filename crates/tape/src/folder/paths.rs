@@ -55,18 +55,18 @@ pub(super) fn io_error(path: &Path, action: &'static str) -> impl FnOnce(io::Err
 
 /// Creates folders that only the user can access, whatever the user's umask is: the owner decides whether others may read the files of a
 /// run.
-pub fn private() -> DirBuilder {
+pub fn private_dir_builder() -> DirBuilder {
     let mut builder = DirBuilder::new();
     builder.mode(0o700);
     builder
 }
 
 /// The files that every run folder has from the beginning. The last of them is the last entry that is set aside when a run is replaced, and
-/// the first that comes back: where it is, there is a complete run.
-pub const MARKS: [&str; 2] = ["run.json", "plan.toml"];
+/// the first that is restored: a folder that has it contains a complete run.
+pub const REQUIRED_FILES: [&str; 2] = ["run.json", "plan.toml"];
 
-/// The entries of a run folder that are the record of the run. An export and a report are not among them: they can be made again.
-pub const RECORD: [&str; 7] = [
+/// The entries of a run folder that are the record of the run. An export and a report are not among them: they can be created again.
+pub const RUN_ENTRIES: [&str; 7] = [
     "plan.toml",
     "run.json",
     "summary.json",
@@ -77,15 +77,15 @@ pub const RECORD: [&str; 7] = [
 ];
 
 /// The first file that `folder` lacks to be the folder of a run.
-pub(super) fn missing_mark(folder: &Path) -> Option<&'static str> {
+pub(super) fn missing_required_file(folder: &Path) -> Option<&'static str> {
     let file = |name: &str| std::fs::symlink_metadata(folder.join(name)).is_ok_and(|about| about.is_file());
-    MARKS.into_iter().rev().find(|name| !file(name))
+    REQUIRED_FILES.into_iter().rev().find(|name| !file(name))
 }
 
 impl RunFolder {
     /// Whether `folder` is the folder of a run.
     pub(super) fn is_at(folder: &Path) -> bool {
-        missing_mark(folder).is_none()
+        missing_required_file(folder).is_none()
     }
 
     /// Takes a folder unchanged; it may be empty.
@@ -111,15 +111,15 @@ impl RunFolder {
     /// The instant from which its plan is that of the run, according to `run.json`: a run that was resumed with changes had another plan
     /// before. From the beginning when there is no value.
     pub fn changed_at(&self) -> Option<String> {
-        self.about("changed_at")
+        self.run_json_text("changed_at")
     }
 
     /// The name of the scenario, according to `run.json`.
     pub fn scenario_name(&self) -> Option<String> {
-        self.about("scenario")
+        self.run_json_text("scenario")
     }
 
-    fn about(&self, key: &str) -> Option<String> {
+    fn run_json_text(&self, key: &str) -> Option<String> {
         let text = crate::read_regular(&self.run()).ok()?;
         let about: serde_json::Value = serde_json::from_slice(&text).ok()?;
         Some(about.get(key)?.as_str()?.to_owned())
@@ -147,7 +147,7 @@ impl RunFolder {
 
     /// Writes `text` to `path`, a path of this folder, atomically.
     pub fn write(&self, path: &Path, text: &str) -> Result<(), FolderError> {
-        crate::write_whole(path, text).map_err(io_error(path, "write the file"))
+        crate::write_atomic(path, text).map_err(io_error(path, "write the file"))
     }
 
     /// Writes `content` as indented JSON, like [`RunFolder::write`].

@@ -12,11 +12,11 @@ use super::stream_file::{Block, StreamFile};
 const SPARES: usize = 8;
 
 /// The number of queued blocks at which the thread is woken. Waking it costs the stepping thread more than copying some samples.
-const ENOUGH: usize = 4;
+const WAKE_THRESHOLD: usize = 4;
 
 /// The files of a tape, and the blocks that are to be written to them. All memory is allocated at the beginning.
 #[derive(Debug)]
-pub(crate) struct Desk {
+pub(crate) struct BlockQueue {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
@@ -36,27 +36,27 @@ struct Blocks {
     /// Full blocks with the number of their stream, in the order of arrival.
     queue: VecDeque<(usize, Block)>,
     spare: Vec<Block>,
-    /// The streams whose files rejected a block. Their blocks wait until [`Desk::settle`] tries again.
+    /// The streams whose files rejected a block. Their blocks wait until [`BlockQueue::drain`] tries again.
     failed: Vec<bool>,
     /// The first error, until it is reported.
     error: Option<AppendError>,
     /// A block is being written.
     busy: bool,
-    over: bool,
+    closed: bool,
 }
 
-impl Desk {
-    /// `rooms` has the block size of each stream; a size above `usual` counts as large.
-    pub(crate) fn new(files: Vec<StreamFile>, mut rooms: Vec<usize>, usual: usize) -> Desk {
+impl BlockQueue {
+    /// `block_sizes` has the block size of each stream; a size above `usual_size` counts as large.
+    pub(crate) fn new(files: Vec<StreamFile>, mut block_sizes: Vec<usize>, usual_size: usize) -> BlockQueue {
         let failed = vec![false; files.len()];
-        rooms.sort_unstable();
-        let sizes = rooms.chunk_by(|one, next| one == next);
+        block_sizes.sort_unstable();
+        let sizes = block_sizes.chunk_by(|one, next| one == next);
         let spares = sizes.flat_map(|same| {
-            let count = if same[0] > usual { 1 } else { SPARES };
+            let count = if same[0] > usual_size { 1 } else { SPARES };
             (0..count).map(|_| Block::new(same[0]))
         });
         let spare: Vec<Block> = spares.collect();
-        Desk {
+        BlockQueue {
             shared: Arc::new(Shared {
                 files: files.into_iter().map(Mutex::new).collect(),
                 blocks: Mutex::new(Blocks {
@@ -65,7 +65,7 @@ impl Desk {
                     failed,
                     error: None,
                     busy: false,
-                    over: false,
+                    closed: false,
                 }),
                 filled: Condvar::new(),
                 emptied: Condvar::new(),
@@ -78,10 +78,10 @@ impl Desk {
     pub(crate) fn start_thread(&mut self) {
         let shared = self.shared.clone();
         let thread = std::thread::Builder::new().name("tape".into());
-        self.thread = thread.spawn(move || shared.serve()).ok();
+        self.thread = thread.spawn(move || shared.run_thread()).ok();
     }
 
-    /// The file of stream number `stream`; it is up to date once [`Desk::settle`] has returned.
+    /// The file of stream number `stream`; it is up to date once [`BlockQueue::drain`] has returned.
     pub(crate) fn file(&self, stream: usize) -> MutexGuard<'_, StreamFile> {
         self.shared.file(stream)
     }
@@ -90,19 +90,19 @@ impl Desk {
     ///
     /// # Errors
     /// The error of this block or of an earlier one. No block is lost: they are written again by the next call.
-    pub(crate) fn hand_over(&self, stream: usize, block: &mut Block) -> Result<(), AppendError> {
+    pub(crate) fn enqueue(&self, stream: usize, block: &mut Block) -> Result<(), AppendError> {
         let mut blocks = self.shared.lock();
         while blocks.failed.contains(&true) || !blocks.has_spare(block.room) {
             drop(blocks);
-            self.settle()?;
+            self.drain()?;
             blocks = self.shared.lock();
         }
         blocks.exchange(stream, block);
         if self.thread.is_none() {
-            blocks = self.shared.work_off(blocks);
+            blocks = self.shared.write_queued(blocks);
             return blocks.error.take().map_or(Ok(()), Err);
         }
-        if blocks.queue.len() >= ENOUGH || !blocks.has_spare(block.room) {
+        if blocks.queue.len() >= WAKE_THRESHOLD || !blocks.has_spare(block.room) {
             drop(blocks);
             self.shared.filled.notify_one();
         }
@@ -111,14 +111,14 @@ impl Desk {
 
     /// Writes all blocks to their files: the calling thread does what the tape's thread has not begun. A block that was rejected is tried
     /// once more, and does not hold up others.
-    pub(crate) fn settle(&self) -> Result<(), AppendError> {
+    pub(crate) fn drain(&self) -> Result<(), AppendError> {
         let mut blocks = self.shared.lock();
         while blocks.busy {
             blocks = self.shared.wait(&self.shared.emptied, blocks);
         }
         blocks.failed.fill(false);
         blocks.error = None;
-        blocks = self.shared.work_off(blocks);
+        blocks = self.shared.write_queued(blocks);
         blocks.error.take().map_or(Ok(()), Err)
     }
 
@@ -129,17 +129,17 @@ impl Desk {
 }
 
 #[cfg(test)]
-impl Desk {
+impl BlockQueue {
     /// Counts the owners of the files, even after this is dropped.
-    pub(crate) fn rest(&self) -> impl Fn() -> usize + use<> {
+    pub(crate) fn owner_count(&self) -> impl Fn() -> usize + use<> {
         let shared = Arc::downgrade(&self.shared);
         move || shared.strong_count()
     }
 }
 
-impl Drop for Desk {
+impl Drop for BlockQueue {
     fn drop(&mut self) {
-        self.shared.lock().over = true;
+        self.shared.lock().closed = true;
         self.shared.filled.notify_one();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -181,28 +181,28 @@ impl Shared {
     }
 
     /// The thread's main function.
-    fn serve(&self) {
+    fn run_thread(&self) {
         let mut blocks = self.lock();
-        while !blocks.over {
-            blocks = self.work_off(blocks);
-            if !blocks.over {
+        while !blocks.closed {
+            blocks = self.write_queued(blocks);
+            if !blocks.closed {
                 blocks = self.wait(&self.filled, blocks);
             }
         }
     }
 
     /// Writes block by block until no writable block is left.
-    fn work_off<'a>(&'a self, mut blocks: MutexGuard<'a, Blocks>) -> MutexGuard<'a, Blocks> {
+    fn write_queued<'a>(&'a self, mut blocks: MutexGuard<'a, Blocks>) -> MutexGuard<'a, Blocks> {
         while let Some(at) = blocks.next() {
             let Some((stream, mut block)) = blocks.queue.remove(at) else {
                 break;
             };
             blocks.busy = true;
             drop(blocks);
-            let put = self.file(stream).put(&mut block);
+            let result = self.file(stream).write_block(&mut block);
             blocks = self.lock();
             blocks.busy = false;
-            match put {
+            match result {
                 Ok(()) => blocks.spare.push(block),
                 Err(error) => {
                     blocks.failed[stream] = true;

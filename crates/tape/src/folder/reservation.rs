@@ -5,21 +5,23 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use super::outputs::{NOTES, Outputs};
-use super::place::{FolderError, MARKS, RECORD, RunFolder, io_error, missing_mark, private};
+use super::outputs::{OUTPUTS_FILE, Outputs};
+use super::paths::{
+    FolderError, REQUIRED_FILES, RUN_ENTRIES, RunFolder, io_error, missing_required_file, private_dir_builder,
+};
 use super::utc::utc_compact;
 
 /// The entries that an export and a report create in a run folder, and the list of what else was written into it on request.
-const MADE_LATER: [&str; 3] = ["export", "report.html", NOTES];
+const DERIVED_ENTRIES: [&str; 3] = ["export", "report.html", OUTPUTS_FILE];
 /// The folder that holds the previous run until the new one has begun.
-const BEFORE: &str = ".replaced";
+const PREVIOUS: &str = ".replaced";
 /// Its name while it is removed.
 const DISCARDED: &str = ".discarded";
 
 /// Whether a run, its export or its report creates an entry of this name in its folder. A killed program may leave a draft.
 fn is_own(name: &str) -> bool {
     let whole = name.strip_suffix(".part").unwrap_or(name);
-    [BEFORE, DISCARDED].contains(&name) || RECORD.contains(&whole) || MADE_LATER.contains(&whole)
+    [PREVIOUS, DISCARDED].contains(&name) || RUN_ENTRIES.contains(&whole) || DERIVED_ENTRIES.contains(&whole)
 }
 
 /// The outermost ancestor of `path`, or `path` itself, that does not exist yet.
@@ -31,71 +33,71 @@ fn outermost_missing(path: &Path) -> Option<PathBuf> {
     missing.last().map(Path::to_owned)
 }
 
-/// A run folder for a run that may still be rejected. Unless it is kept, dropping this restores the previous state: created entries are
-/// removed, and what was there before is put back.
+/// A run folder for a run that may still be rejected. Unless it is committed, dropping this restores the previous state: created entries
+/// are removed, and previous entries are restored.
 #[derive(Debug)]
-pub struct Claim {
+pub struct Reservation {
     folder: RunFolder,
     /// The outermost folder that was created for it.
-    made: Option<PathBuf>,
+    created: Option<PathBuf>,
     /// Whether there is a run to replace.
     replaces: bool,
-    kept: bool,
+    committed: bool,
     /// Locked while a run uses it, so that no other run replaces that run.
     _lock: File,
 }
 
-impl Claim {
+impl Reservation {
     /// Creates the folder `root` with its parents, accessible only to the user, or takes an empty one unchanged. A folder that contains a
     /// run and nothing else is taken if `replace` is set; any other is rejected. If a program was killed after it had set a run aside and
     /// before its own run began, the run that was set aside is restored first.
     ///
     /// # Errors
     /// Names the obstacle; nothing else has been changed then.
-    pub fn of(root: &Path, replace: bool) -> Result<Claim, FolderError> {
-        let made = outermost_missing(root);
-        private()
+    pub fn reserve(root: &Path, replace: bool) -> Result<Reservation, FolderError> {
+        let created = outermost_missing(root);
+        private_dir_builder()
             .recursive(true)
             .create(root)
             .map_err(|error| match fs::metadata(root) {
                 Ok(metadata) if !metadata.is_dir() => FolderError::NotAFolder { path: root.to_owned() },
                 _ => io_error(root, "create the folder")(error),
             })?;
-        let lock = locked(root)?;
+        let lock = lock_folder(root)?;
         let mut entries = fs::read_dir(root).map_err(io_error(root, "list the folder"))?;
         let taken = entries.next().is_some();
         if taken && !replace {
             return Err(FolderError::NotEmpty { path: root.to_owned() });
         }
         if taken {
-            recover(root)?;
-            only_a_run(root)?;
-            for left in [BEFORE, DISCARDED] {
+            recover_interrupted(root)?;
+            validate_run_folder(root)?;
+            for left in [PREVIOUS, DISCARDED] {
                 remove_folder(&root.join(left))?;
             }
         }
-        Claim::furnish(root, made, taken, lock)
+        Reservation::prepare(root, created, taken, lock)
     }
 
-    /// Takes the folder `root`, which was just created; `made` is the outermost folder created for it.
-    fn made(root: &Path, made: Option<PathBuf>) -> Result<Claim, FolderError> {
-        Claim::furnish(root, made, false, locked(root)?)
+    /// Takes the folder `root`, which was just created; `created` is the outermost folder created for it.
+    fn for_created_folder(root: &Path, created: Option<PathBuf>) -> Result<Reservation, FolderError> {
+        Reservation::prepare(root, created, false, lock_folder(root)?)
     }
 
-    fn furnish(root: &Path, made: Option<PathBuf>, replaces: bool, lock: File) -> Result<Claim, FolderError> {
-        let claim = Claim {
+    fn prepare(root: &Path, created: Option<PathBuf>, replaces: bool, lock: File) -> Result<Reservation, FolderError> {
+        let reservation = Reservation {
             folder: RunFolder::open(root),
-            made,
+            created,
             replaces,
-            kept: false,
+            committed: false,
             _lock: lock,
         };
         if replaces {
-            claim.set_aside()?;
+            reservation.set_aside_previous()?;
         }
         let log = root.join("log");
         fs::create_dir(&log).map_err(io_error(&log, "create the folder"))?;
-        Ok(claim)
+        Ok(reservation)
     }
 
     /// The folder.
@@ -109,44 +111,44 @@ impl Claim {
     }
 
     /// The run has begun: the folder stays, and the previous content is deleted.
-    pub fn settle(&mut self) {
-        self.kept = true;
+    pub fn commit(&mut self) {
+        self.committed = true;
         if std::mem::take(&mut self.replaces) {
-            let [before, discarded] = [BEFORE, DISCARDED].map(|name| self.folder.root.join(name));
+            let [previous, discarded] = [PREVIOUS, DISCARDED].map(|name| self.folder.root.join(name));
             // A run in `.replaced` is restored later if this program is killed now: the name changes before anything is removed.
-            let _ = fs::rename(&before, &discarded).and_then(|()| fs::remove_dir_all(&discarded));
+            let _ = fs::rename(&previous, &discarded).and_then(|()| fs::remove_dir_all(&discarded));
         }
     }
 
     /// Returns the folder, which stays.
-    pub fn keep(mut self) -> RunFolder {
-        self.settle();
+    pub fn into_folder(mut self) -> RunFolder {
+        self.commit();
         self.folder.clone()
     }
 
-    fn set_aside(&self) -> Result<(), FolderError> {
+    fn set_aside_previous(&self) -> Result<(), FolderError> {
         let root = &self.folder.root;
-        let before = root.join(BEFORE);
-        private()
-            .create(&before)
-            .map_err(io_error(&before, "create the folder"))?;
-        for name in in_order(own_entries(root)?) {
+        let previous = root.join(PREVIOUS);
+        private_dir_builder()
+            .create(&previous)
+            .map_err(io_error(&previous, "create the folder"))?;
+        for name in sort_for_moving(list_own_entries(root)?) {
             let path = root.join(&name);
-            fs::rename(&path, before.join(&name)).map_err(io_error(&path, "set the file aside"))?;
+            fs::rename(&path, previous.join(&name)).map_err(io_error(&path, "set the file aside"))?;
         }
         Ok(())
     }
 
-    fn give_back(&self) -> Result<(), FolderError> {
+    fn roll_back(&self) -> Result<(), FolderError> {
         let root = &self.folder.root;
         if self.replaces {
-            bring_back(root)?;
+            restore_previous(root)?;
         } else {
             remove_own(root)?;
         }
         // Folders that were created for it, from the innermost outwards; one that another run has used in the meantime stays.
-        if let Some(made) = &self.made {
-            for folder in root.ancestors().take_while(|folder| folder.starts_with(made)) {
+        if let Some(created) = &self.created {
+            for folder in root.ancestors().take_while(|folder| folder.starts_with(created)) {
                 if fs::remove_dir(folder).is_err() {
                     break;
                 }
@@ -156,16 +158,16 @@ impl Claim {
     }
 }
 
-impl Drop for Claim {
+impl Drop for Reservation {
     fn drop(&mut self) {
-        if !self.kept {
-            let _ = self.give_back();
+        if !self.committed {
+            let _ = self.roll_back();
         }
     }
 }
 
 /// The folder `root`, locked.
-fn locked(root: &Path) -> Result<File, FolderError> {
+fn lock_folder(root: &Path) -> Result<File, FolderError> {
     let lock = File::open(root).map_err(io_error(root, "open the folder"))?;
     match lock.try_lock() {
         Ok(()) => Ok(lock),
@@ -177,30 +179,30 @@ fn locked(root: &Path) -> Result<File, FolderError> {
 }
 
 /// The names of all entries in `folder`, apart from a previous run.
-fn entries(folder: &Path) -> Result<Vec<String>, FolderError> {
+fn list_entries(folder: &Path) -> Result<Vec<String>, FolderError> {
     let entries = fs::read_dir(folder).map_err(io_error(folder, "list the folder"))?;
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     Ok(names
-        .filter(|name| ![BEFORE, DISCARDED].contains(&name.as_str()))
+        .filter(|name| ![PREVIOUS, DISCARDED].contains(&name.as_str()))
         .collect())
 }
 
 /// Those of them that a run, or a command about it, has created.
-fn own_entries(folder: &Path) -> Result<Vec<String>, FolderError> {
+fn list_own_entries(folder: &Path) -> Result<Vec<String>, FolderError> {
     let outputs = Outputs::read(folder);
-    let mut names = entries(folder)?;
-    names.retain(|name| is_own(name) || outputs.foreign(folder, name).is_none());
+    let mut names = list_entries(folder)?;
+    names.retain(|name| is_own(name) || outputs.foreign_reason(folder, name).is_none());
     Ok(names)
 }
 
 /// The order in which the entries `names` of a run are set aside.
-fn in_order(mut names: Vec<String>) -> Vec<String> {
-    names.sort_by_key(|name| MARKS.iter().position(|mark| mark == name));
+fn sort_for_moving(mut names: Vec<String>) -> Vec<String> {
+    names.sort_by_key(|name| REQUIRED_FILES.iter().position(|mark| mark == name));
     names
 }
 
 fn remove_own(root: &Path) -> Result<(), FolderError> {
-    for name in own_entries(root)? {
+    for name in list_own_entries(root)? {
         let path = root.join(&name);
         let removed = if fs::symlink_metadata(&path).is_ok_and(|about| about.is_dir()) {
             fs::remove_dir_all(&path)
@@ -222,44 +224,44 @@ fn remove_folder(path: &Path) -> Result<(), FolderError> {
 
 /// Restores the run that is set aside in `root`, completely or in part. Only if it is complete does everything else in `root` belong to the
 /// run that was to replace it, and is removed.
-fn bring_back(root: &Path) -> Result<(), FolderError> {
-    let before = root.join(BEFORE);
-    if fs::symlink_metadata(&before).is_err() {
+fn restore_previous(root: &Path) -> Result<(), FolderError> {
+    let previous = root.join(PREVIOUS);
+    if fs::symlink_metadata(&previous).is_err() {
         return Ok(());
     }
-    if missing_mark(&before).is_none() {
+    if missing_required_file(&previous).is_none() {
         remove_own(root)?;
     }
-    for name in in_order(entries(&before)?).iter().rev() {
-        fs::rename(before.join(name), root.join(name)).map_err(io_error(&before, "bring it back"))?;
+    for name in sort_for_moving(list_entries(&previous)?).iter().rev() {
+        fs::rename(previous.join(name), root.join(name)).map_err(io_error(&previous, "bring it back"))?;
     }
-    fs::remove_dir(&before).map_err(io_error(&before, "remove the folder"))
+    fs::remove_dir(&previous).map_err(io_error(&previous, "remove the folder"))
 }
 
 /// Restores the run that a killed program has left set aside in `root`, unless that run has been replaced.
-fn recover(root: &Path) -> Result<(), FolderError> {
-    let before = root.join(BEFORE);
-    if fs::symlink_metadata(&before).is_err() {
+fn recover_interrupted(root: &Path) -> Result<(), FolderError> {
+    let previous = root.join(PREVIOUS);
+    if fs::symlink_metadata(&previous).is_err() {
         return Ok(());
     }
     let folder = RunFolder::open(root);
-    let replaced = if missing_mark(&before).is_none() {
+    let replaced = if missing_required_file(&previous).is_none() {
         // A run that has ended had begun.
         folder.summary().exists() || folder.tape().join("seal.json").exists()
     } else {
         // The parts of one run have different names.
-        entries(&before)?.iter().any(|name| root.join(name).exists())
+        list_entries(&previous)?.iter().any(|name| root.join(name).exists())
     };
-    if replaced { Ok(()) } else { bring_back(root) }
+    if replaced { Ok(()) } else { restore_previous(root) }
 }
 
 /// Rejects a folder that is not a run folder, or contains an entry that no run has created.
-fn only_a_run(root: &Path) -> Result<(), FolderError> {
+fn validate_run_folder(root: &Path) -> Result<(), FolderError> {
     let refuse = |reason: String| FolderError::NotARun {
         path: root.to_owned(),
         reason,
     };
-    if let Some(missing) = missing_mark(root) {
+    if let Some(missing) = missing_required_file(root) {
         return Err(refuse(format!(
             "it is not the folder of a run, which has a file `{missing}`"
         )));
@@ -269,7 +271,7 @@ fn only_a_run(root: &Path) -> Result<(), FolderError> {
         let name = entry.map_err(io_error(root, "list the folder"))?.file_name();
         let foreign = match name.to_str() {
             Some(name) if is_own(name) => None,
-            Some(name) => outputs.foreign(root, name),
+            Some(name) => outputs.foreign_reason(root, name),
             None => Some(format!("`{}` in it does not belong to a run", name.display())),
         };
         if let Some(reason) = foreign {
@@ -283,28 +285,30 @@ impl RunFolder {
     /// Creates the folder `root` with its parents, accessible only to the user, or takes an empty one unchanged; rejects one that is not
     /// empty.
     pub fn create(root: &Path) -> Result<RunFolder, FolderError> {
-        Claim::of(root, false).map(Claim::keep)
+        Reservation::reserve(root, false).map(Reservation::into_folder)
     }
 
     /// Creates `<runs>/<scenario>-<UTC time>-<n>` with the first n from 1 that is free. Runs that start in the same instant get different
     /// folders: a folder belongs to the run that creates it.
-    pub fn create_default(runs: &Path, scenario: &str) -> Result<Claim, FolderError> {
+    pub fn create_default(runs: &Path, scenario: &str) -> Result<Reservation, FolderError> {
         let outermost = outermost_missing(runs);
-        private()
+        private_dir_builder()
             .recursive(true)
             .create(runs)
             .map_err(io_error(runs, "create the folder"))?;
-        let plain: String = scenario
+        let safe_name: String = scenario
             .chars()
             .map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' })
             .collect();
-        let plain = if plain.is_empty() { "run" } else { &plain };
+        let safe_name = if safe_name.is_empty() { "run" } else { &safe_name };
         let time = utc_compact(SystemTime::now());
         let mut n = 1_u32;
         loop {
-            let root = runs.join(format!("{plain}-{time}-{n}"));
-            match private().create(&root) {
-                Ok(()) => return Claim::made(&root, Some(outermost.unwrap_or_else(|| root.clone()))),
+            let root = runs.join(format!("{safe_name}-{time}-{n}"));
+            match private_dir_builder().create(&root) {
+                Ok(()) => {
+                    return Reservation::for_created_folder(&root, Some(outermost.unwrap_or_else(|| root.clone())));
+                }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => n += 1,
                 Err(error) => return Err(io_error(&root, "create the folder")(error)),
             }

@@ -2,7 +2,7 @@
 
 use crate::participant::Participant;
 use crate::plan::{Assignment, Plan, Position};
-use crate::stepper::{Ends, PositionError, StepError, Stepper};
+use crate::stepper::{LinkEnds, PositionError, StepError, Stepper};
 use crate::transport::local::{self, LocalReceiver, LocalSender};
 use crate::transport::{Receiver, Recording, Sender};
 
@@ -25,7 +25,7 @@ pub enum RunError {
     #[error(
         "no participant can continue at t = {t} s; {waiting} (this is a defect of the planner: please report it with the scenario)"
     )]
-    Stuck {
+    Deadlock {
         /// The earliest instant, s.
         t: f64,
         /// The participants that wait, and what each of them waits for.
@@ -45,7 +45,7 @@ impl RunError {
 }
 
 /// A participant with its ends of local links, before an executor drives it.
-pub struct Part {
+pub struct LocalParticipant {
     participant: Box<dyn Participant>,
     assignment: Assignment,
     receivers: Vec<LocalReceiver>,
@@ -53,22 +53,22 @@ pub struct Part {
     recording: Box<dyn Recording + Send>,
 }
 
-impl Part {
+impl LocalParticipant {
     /// The stepper of this participant.
-    pub fn stepper(self) -> Stepper {
-        let (participant, assignment, ends) = self.ends();
+    pub fn into_stepper(self) -> Stepper {
+        let (participant, assignment, ends) = self.into_ends();
         Stepper::new(participant, assignment, ends)
     }
 
     /// The stepper of this participant, resumed at `position` after earlier activations were done elsewhere.
-    pub fn stepper_at(self, position: Position) -> Result<Stepper, PositionError> {
-        let (participant, assignment, ends) = self.ends();
+    pub fn into_stepper_at(self, position: Position) -> Result<Stepper, PositionError> {
+        let (participant, assignment, ends) = self.into_ends();
         Stepper::resume(participant, assignment, ends, position)
     }
 
-    fn ends(self) -> (Box<dyn Participant>, Assignment, Ends) {
+    fn into_ends(self) -> (Box<dyn Participant>, Assignment, LinkEnds) {
         let boxed = |sender| Box::new(sender) as Box<dyn Sender>;
-        let ends = Ends {
+        let ends = LinkEnds {
             receivers: self
                 .receivers
                 .into_iter()
@@ -86,11 +86,11 @@ impl Part {
 }
 
 /// Connects the participants of a plan inside this process. `recording` returns the recording of each.
-pub fn assemble(
+pub fn connect_locally(
     plan: &Plan,
     participants: Vec<Box<dyn Participant>>,
     mut recording: impl FnMut(usize) -> Box<dyn Recording + Send>,
-) -> Vec<Part> {
+) -> Vec<LocalParticipant> {
     let (mut senders, mut receivers) = (Vec::new(), Vec::new());
     for link in &plan.links {
         let size = plan.participants[link.from.0].interface.outputs[link.from.1]
@@ -114,7 +114,7 @@ pub fn assemble(
                     .collect()
             })
             .collect();
-        parts.push(Part {
+        parts.push(LocalParticipant {
             participant,
             assignment,
             receivers,
