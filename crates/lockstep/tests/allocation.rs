@@ -12,7 +12,7 @@ use lockstep::time::Rational;
 use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
 use lockstep::transport::{Broken, Header, NoRecording, Receiver, Recording, Sender};
 use place::Place;
-use testing::allocation::{Counting, Taken, taken_by};
+use testing::allocation::{Allocations, Counting, allocations_during};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -118,10 +118,10 @@ fn takes_nothing(between: bool) {
     let boxed = two().into_iter().map(|own| Box::new(own) as _).collect();
     let mut looped = InLoop::new(&plan, assemble(&plan, boxed, |_| Box::new(NoRecording)));
     looped.run_to(1, |_| {}).expect("the first step");
-    let taken = taken_by(|| {
+    let taken = allocations_during(|| {
         looped.run_to(plan.end, |_| {}).expect("the rest");
     });
-    assert_eq!(taken, Taken::default());
+    assert_eq!(taken, Allocations::default());
 }
 
 #[test]
@@ -140,8 +140,8 @@ fn a_sample_in_shared_memory_takes_nothing() {
             assert_eq!(receiver.try_receive(&mut buffer), Ok(Some(header)));
         }
     };
-    let taken = taken_by(|| exchange(SAMPLES));
-    assert_eq!(taken, Taken::default());
+    let taken = allocations_during(|| exchange(SAMPLES));
+    assert_eq!(taken, Allocations::default());
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn a_recorded_sample_takes_nothing() {
             receiver.receive(take).expect("whole entries");
         }
     };
-    let taken = taken_by(|| record(SAMPLES));
+    let taken = allocations_during(|| record(SAMPLES));
     assert_eq!(seen, SAMPLES);
-    assert_eq!(taken, Taken::default());
+    assert_eq!(taken, Allocations::default());
 }
