@@ -55,7 +55,7 @@ impl Participant for Controller {
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         let housekeeping = inputs.get::<Housekeeping>(HOUSEKEEPING);
-        let answer = self.law.step(&Input {
+        let output = self.law.step(&Input {
             t: step.t,
             measured: measured(inputs.get(MEASURED)),
             end_effector: set_point(inputs.get(SETPOINT)),
@@ -63,21 +63,21 @@ impl Participant for Controller {
             wheel_momentum: housekeeping.wheel_momentum_B.into(),
             grasped: housekeeping.grasped,
         });
-        let Some(answer) = answer else {
+        let Some(output) = output else {
             *outputs.get_mut::<Command>(COMMAND) = Command::default();
             *outputs.get_mut::<Couples>(COUPLES) = Couples::default();
             *outputs.get_mut::<ControlTelemetry>(TELEMETRY) = ControlTelemetry::default();
             return Ok(());
         };
         *outputs.get_mut::<Command>(COMMAND) = Command {
-            torque_B: answer.allocation.wheel_torque.into(),
-            force_B: answer.allocation.thruster_force.into(),
-            tau: std::array::from_fn(|joint| answer.force[6 + joint]),
+            torque_B: output.allocation.wheel_torque.into(),
+            force_B: output.allocation.thruster_force.into(),
+            tau: std::array::from_fn(|joint| output.force[6 + joint]),
         };
         *outputs.get_mut::<Couples>(COUPLES) = Couples {
-            torque_B: answer.allocation.thruster_torque.into(),
+            torque_B: output.allocation.thruster_torque.into(),
         };
-        *outputs.get_mut::<ControlTelemetry>(TELEMETRY) = answer.telemetry;
+        *outputs.get_mut::<ControlTelemetry>(TELEMETRY) = output.telemetry;
         Ok(())
     }
 

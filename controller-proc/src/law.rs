@@ -2,13 +2,13 @@
 
 use control_laws::allocation::Allocation;
 use control_laws::stabilise::{self, StabilisingLaw};
-use control_laws::{Dof, HierarchicalLaw, Measured, ReferenceLaw, hierarchical, reference};
+use control_laws::{ComparisonLaw, Dof, HierarchicalLaw, Measured, comparison, hierarchical};
 use guidance_laws::SetPoint;
 use interfaces::{ControlMode, ControlTelemetry};
 use lockstep::participant::ParameterError;
 use nalgebra::Vector3;
 
-use crate::parameters::{LawName, Parameters, build, payload, refused};
+use crate::parameters::{LawName, Parameters, build_control_model, payload, scenario_error};
 
 /// Inputs of a law.
 #[derive(Debug, Clone, Copy)]
@@ -29,7 +29,7 @@ pub struct Input {
 
 /// Outputs of a law.
 #[derive(Debug, Clone, Copy)]
-pub struct Answer {
+pub struct LawOutput {
     /// Generalised force.
     pub force: Dof,
     /// Allocation of the base's part to wheels and thrusters.
@@ -44,7 +44,7 @@ pub enum Approach {
     /// The law of the paper.
     Hierarchical(Box<HierarchicalLaw>),
     /// The comparison law.
-    Reference(Box<ReferenceLaw>),
+    Comparison(Box<ComparisonLaw>),
 }
 
 /// The law of the approach, and the law after the grasp.
@@ -62,14 +62,14 @@ impl Law {
     /// # Errors
     /// Names the rejected parameter.
     pub fn new(parameters: &Parameters, period: f64) -> Result<Self, ParameterError> {
-        let model = |payload| build(&parameters.urdf, &parameters.servicer, &parameters.model, payload);
+        let model = |payload| build_control_model(&parameters.urdf, &parameters.servicer, &parameters.model, payload);
         let approach = match parameters.law {
             LawName::Hierarchical => HierarchicalLaw::new(model(None)?, parameters.hierarchical(period)?)
                 .map(|law| Approach::Hierarchical(Box::new(law))),
-            LawName::Reference => ReferenceLaw::new(model(None)?, parameters.comparison(period)?)
-                .map(|law| Approach::Reference(Box::new(law))),
+            LawName::Reference => ComparisonLaw::new(model(None)?, parameters.comparison(period)?)
+                .map(|law| Approach::Comparison(Box::new(law))),
         }
-        .map_err(|error| refused(&error))?;
+        .map_err(|error| scenario_error(&error))?;
         let stabilise = match (&parameters.stabilise, &parameters.target) {
             (None, _) => None,
             (Some(_), None) => {
@@ -77,9 +77,9 @@ impl Law {
                 return Err(ParameterError::new("target", reason));
             }
             (Some(stabilise), Some(target)) => {
-                let law = stabilise.law(parameters.allocation.as_ref());
+                let law = stabilise.law_parameters(parameters.allocation.as_ref());
                 let law = StabilisingLaw::new(model(Some(payload(target)))?, model(None)?, law).map_err(|error| {
-                    let inner = refused(&error);
+                    let inner = scenario_error(&error);
                     ParameterError::new(format!("stabilise.{}", inner.key), inner.reason)
                 })?;
                 Some(Box::new(law))
@@ -89,13 +89,13 @@ impl Law {
     }
 
     /// The command at this instant; `None` while there is no measurement.
-    pub fn step(&mut self, input: &Input) -> Option<Answer> {
+    pub fn step(&mut self, input: &Input) -> Option<LawOutput> {
         if let (Some(law), true) = (&mut self.stabilise, input.grasped) {
             return stabilised(law, input);
         }
         match &mut self.approach {
             Approach::Hierarchical(law) => hierarchical(law, input),
-            Approach::Reference(law) => reference(law, input),
+            Approach::Comparison(law) => comparison(law, input),
         }
     }
 }
@@ -105,67 +105,67 @@ fn age(t: f64, set_point: Option<(SetPoint, f64)>) -> f64 {
     set_point.map_or(0.0, |(_, stamp)| t - stamp)
 }
 
-fn hierarchical(law: &mut HierarchicalLaw, input: &Input) -> Option<Answer> {
+fn hierarchical(law: &mut HierarchicalLaw, input: &Input) -> Option<LawOutput> {
     let output = law.step(&hierarchical::Input {
         measured: input.measured,
         set_point: input.end_effector.map(|(set_point, _)| set_point),
         set_point_age_s: age(input.t, input.end_effector),
         wheel_momentum: input.wheel_momentum,
     })?;
-    let seen = &output.telemetry;
+    let signals = &output.telemetry;
     let mut telemetry = ControlTelemetry {
-        mode: mode(seen.tracking),
-        p_DE_N: seen.position_error.into(),
-        quat_DE: seen.attitude_error.quaternion,
-        h: seen.attitude_error.h,
-        epsilon: seen.epsilon,
-        epsilon_clamped: seen.epsilon_clamped,
-        feedback_saturated: count(&seen.saturated),
+        mode: mode(signals.tracking),
+        p_DE_N: signals.position_error.into(),
+        quat_DE: signals.attitude_error.quaternion,
+        h: signals.attitude_error.h,
+        epsilon: signals.epsilon,
+        epsilon_clamped: signals.epsilon_clamped,
+        feedback_saturated: count(&signals.saturated),
         missing_torque_B: output.allocation.missing_torque.into(),
         ..ControlTelemetry::default()
     };
-    velocities(&mut telemetry, &seen.virtual_velocity, &seen.feedback);
-    Some(Answer {
+    velocities(&mut telemetry, &signals.virtual_velocity, &signals.feedback);
+    Some(LawOutput {
         force: output.force,
         allocation: output.allocation,
         telemetry,
     })
 }
 
-fn reference(law: &mut ReferenceLaw, input: &Input) -> Option<Answer> {
-    let output = law.step(&reference::Input {
+fn comparison(law: &mut ComparisonLaw, input: &Input) -> Option<LawOutput> {
+    let output = law.step(&comparison::Input {
         measured: input.measured,
         end_effector: input.end_effector.map(|(set_point, _)| set_point),
         base: input.base.map(|(set_point, _)| set_point),
         set_point_age_s: age(input.t, input.end_effector),
         wheel_momentum: input.wheel_momentum,
     })?;
-    let seen = &output.telemetry;
+    let signals = &output.telemetry;
     let mut telemetry = ControlTelemetry {
         mode: mode(input.end_effector.is_some()),
-        p_DE_N: seen.position_error.into(),
-        quat_DE: seen.attitude_error.quaternion,
-        h: seen.attitude_error.h,
-        feedback_saturated: count(&seen.saturated),
+        p_DE_N: signals.position_error.into(),
+        quat_DE: signals.attitude_error.quaternion,
+        h: signals.attitude_error.h,
+        feedback_saturated: count(&signals.saturated),
         missing_torque_B: output.allocation.missing_torque.into(),
         ..ControlTelemetry::default()
     };
-    velocities(&mut telemetry, &seen.virtual_velocity, &seen.feedback);
-    Some(Answer {
+    velocities(&mut telemetry, &signals.virtual_velocity, &signals.feedback);
+    Some(LawOutput {
         force: output.force,
         allocation: output.allocation,
         telemetry,
     })
 }
 
-fn stabilised(law: &mut StabilisingLaw, input: &Input) -> Option<Answer> {
+fn stabilised(law: &mut StabilisingLaw, input: &Input) -> Option<LawOutput> {
     let output = law.step(&stabilise::Input {
         time_s: input.t,
         measured: input.measured,
         wheel_momentum: input.wheel_momentum,
     })?;
-    let seen = &output.telemetry;
-    Some(Answer {
+    let signals = &output.telemetry;
+    Some(LawOutput {
         force: output.force,
         allocation: output.allocation,
         telemetry: ControlTelemetry {
@@ -173,11 +173,11 @@ fn stabilised(law: &mut StabilisingLaw, input: &Input) -> Option<Answer> {
             quat_DE: [1.0, 0.0, 0.0, 0.0],
             h: 1.0,
             missing_torque_B: output.allocation.missing_torque.into(),
-            stabilise_factor: seen.factor,
-            gripper_torque_E: [seen.gripper[0], seen.gripper[1], seen.gripper[2]],
-            gripper_force_E: [seen.gripper[3], seen.gripper[4], seen.gripper[5]],
-            at_rest: seen.at_rest,
-            time_to_rest: seen.time_to_rest_s,
+            stabilise_factor: signals.factor,
+            gripper_torque_E: [signals.gripper[0], signals.gripper[1], signals.gripper[2]],
+            gripper_force_E: [signals.gripper[3], signals.gripper[4], signals.gripper[5]],
+            at_rest: signals.at_rest,
+            time_to_rest: signals.time_to_rest_s,
             ..ControlTelemetry::default()
         },
     })

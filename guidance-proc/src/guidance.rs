@@ -1,16 +1,16 @@
 //! The guidance participant.
 
 use guidance_laws::capture::Phase;
-use guidance_laws::navigation::{CameraPose as Picture, NavigationFilter, Update};
+use guidance_laws::navigation::{CameraPose as CameraMeasurement, NavigationFilter, Update};
 use guidance_laws::target::TargetModel;
 use guidance_laws::{Pose, SetPoint as SetPointState, TargetState as TargetMotion, so3};
 use interfaces::{CameraPose, GuidancePhase, GuidanceTelemetry, Measured, SetPoint, TargetState};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Step};
 
 use crate::kinematics::Kinematics;
-use crate::law::{Answer, Law};
+use crate::law::{Law, LawOutput};
 use crate::navigation::Navigation;
-use crate::parameters::{Parameters, refused};
+use crate::parameters::{Parameters, scenario_error};
 use crate::saved;
 
 /// The input ports, by number.
@@ -52,9 +52,9 @@ impl Guidance {
             Some(navigation) => {
                 let parameters = parameters.filter(navigation)?;
                 Some(Navigation {
-                    filter: NavigationFilter::new(parameters).map_err(|error| refused(&error))?,
+                    filter: NavigationFilter::new(parameters).map_err(|error| scenario_error(&error))?,
                     parameters,
-                    refused: 0,
+                    rejected: 0,
                     innovation: 0.0,
                 })
             }
@@ -75,11 +75,12 @@ impl Guidance {
             Some(navigation) => navigation.estimate_target(t, inputs.get(CAMERA)),
             None => {
                 let message = inputs.get::<TargetState>(TARGET);
-                let seen = TargetMotion::from_raw(message.p_NT_N, message.quat_NT, message.v_NT_N, message.omega_NT_T);
-                let age = seen.map_or(0.0, |_| t - message.stamp);
-                let target = match (&seen, &self.prediction) {
-                    (Some(seen), Some(model)) => Some(model.predicted(seen, age)),
-                    _ => seen,
+                let received =
+                    TargetMotion::from_raw(message.p_NT_N, message.quat_NT, message.v_NT_N, message.omega_NT_T);
+                let age = received.map_or(0.0, |_| t - message.stamp);
+                let target = match (&received, &self.prediction) {
+                    (Some(received), Some(model)) => Some(model.predicted(received, age)),
+                    _ => received,
                 };
                 TargetEstimate {
                     target,
@@ -93,20 +94,20 @@ impl Guidance {
 
 impl Navigation {
     fn estimate_target(&mut self, t: f64, message: &CameraPose) -> TargetEstimate {
-        let picture = Pose::from_raw(message.p_NT_N, message.quat_NT).map(|pose| Picture {
+        let measurement = Pose::from_raw(message.p_NT_N, message.quat_NT).map(|pose| CameraMeasurement {
             stamp_s: message.stamp,
             pose,
         });
-        let Some(estimate) = self.filter.step(t, picture.as_ref()) else {
+        let Some(estimate) = self.filter.step(t, measurement.as_ref()) else {
             return TargetEstimate::default();
         };
         match estimate.update {
             Update::None | Update::Started => {}
             Update::Accepted { nis } => self.innovation = nis,
-            Update::Refused { nis } => {
+            Update::Rejected { nis } => {
                 // the message must stay finite whatever the camera pose was
                 self.innovation = nis.min(f64::MAX);
-                self.refused += 1;
+                self.rejected += 1;
             }
         }
         TargetEstimate {
@@ -142,10 +143,10 @@ impl Participant for Guidance {
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         let poses = self.kinematics.poses(inputs.get(MEASURED));
         let estimated = self.estimate_target(step.t, inputs);
-        let answer = self.law.step(step.t, poses, estimated.target);
-        *outputs.get_mut::<SetPoint>(SETPOINT) = message(step.t, answer.end_effector.set_point);
-        *outputs.get_mut::<SetPoint>(BASE_SETPOINT) = message(step.t, answer.base);
-        *outputs.get_mut::<GuidanceTelemetry>(TELEMETRY) = telemetry(&answer, &estimated, self.navigation.as_ref());
+        let output = self.law.step(step.t, poses, estimated.target);
+        *outputs.get_mut::<SetPoint>(SETPOINT) = message(step.t, output.end_effector.set_point);
+        *outputs.get_mut::<SetPoint>(BASE_SETPOINT) = message(step.t, output.base);
+        *outputs.get_mut::<GuidanceTelemetry>(TELEMETRY) = telemetry(&output, &estimated, self.navigation.as_ref());
         Ok(())
     }
 
@@ -169,16 +170,16 @@ fn message(stamp: f64, set_point: Option<SetPointState>) -> SetPoint {
     })
 }
 
-fn telemetry(answer: &Answer, estimated: &TargetEstimate, navigation: Option<&Navigation>) -> GuidanceTelemetry {
+fn telemetry(output: &LawOutput, estimated: &TargetEstimate, navigation: Option<&Navigation>) -> GuidanceTelemetry {
     let mut telemetry = GuidanceTelemetry {
-        progress_position: answer.end_effector.position.value,
-        progress_attitude: answer.end_effector.attitude.value,
+        progress_position: output.end_effector.position.value,
+        progress_attitude: output.end_effector.attitude.value,
         sigma_position: estimated.sigma_position,
         sigma_attitude: estimated.sigma_attitude,
         target_age: estimated.age,
         innovation: navigation.map_or(0.0, |navigation| navigation.innovation),
-        refused: navigation.map_or(0, |navigation| u32::try_from(navigation.refused).unwrap_or(u32::MAX)),
-        phase: match answer.end_effector.phase {
+        refused: navigation.map_or(0, |navigation| u32::try_from(navigation.rejected).unwrap_or(u32::MAX)),
+        phase: match output.end_effector.phase {
             Phase::Waiting => GuidancePhase::Waiting,
             Phase::Pointing => GuidancePhase::Pointing,
             Phase::Closing => GuidancePhase::Closing,

@@ -1,11 +1,11 @@
 //! Common interface of the guidance laws.
 
 use guidance_laws::capture::{self, CaptureGuidance};
-use guidance_laws::reference::{self, ReferenceGuidance};
+use guidance_laws::comparison::{self, ComparisonGuidance};
 use guidance_laws::{Pose, SetPoint, TargetState};
 use lockstep::participant::ParameterError;
 
-use crate::parameters::{LawName, Parameters, refused};
+use crate::parameters::{LawName, Parameters, scenario_error};
 
 /// A guidance law.
 #[derive(Debug, Clone)]
@@ -13,12 +13,12 @@ pub enum Law {
     /// The law of the paper.
     Capture(Box<CaptureGuidance>),
     /// The comparison law.
-    Reference(Box<ReferenceGuidance>),
+    Comparison(Box<ComparisonGuidance>),
 }
 
 /// Outputs of a law.
 #[derive(Debug, Clone, Copy)]
-pub struct Answer {
+pub struct LawOutput {
     /// Set-point of the end effector, with the progress.
     pub end_effector: capture::Output,
     /// Set-point of the base.
@@ -34,17 +34,17 @@ impl Law {
         match parameters.law {
             LawName::Capture => CaptureGuidance::new(parameters.capture()).map(|law| Law::Capture(Box::new(law))),
             LawName::Reference => {
-                ReferenceGuidance::new(parameters.comparison()).map(|law| Law::Reference(Box::new(law)))
+                ComparisonGuidance::new(parameters.comparison()).map(|law| Law::Comparison(Box::new(law)))
             }
         }
-        .map_err(|error| refused(&error))
+        .map_err(|error| scenario_error(&error))
     }
 
     /// The set-points at this instant.
-    pub fn step(&mut self, time_s: f64, poses: Option<(Pose, Pose)>, target: Option<TargetState>) -> Answer {
+    pub fn step(&mut self, time_s: f64, poses: Option<(Pose, Pose)>, target: Option<TargetState>) -> LawOutput {
         let end_effector = poses.map(|(_, end_effector)| end_effector);
         match self {
-            Law::Capture(law) => Answer {
+            Law::Capture(law) => LawOutput {
                 end_effector: law.step(&capture::Input {
                     time_s,
                     end_effector,
@@ -52,14 +52,14 @@ impl Law {
                 }),
                 base: None,
             },
-            Law::Reference(law) => {
-                let output = law.step(&reference::Input {
+            Law::Comparison(law) => {
+                let output = law.step(&comparison::Input {
                     time_s,
                     base: poses.map(|(base, _)| base),
                     end_effector,
                     target,
                 });
-                Answer {
+                LawOutput {
                     end_effector: output.end_effector,
                     base: output.base,
                 }

@@ -10,7 +10,7 @@ pub struct Navigation {
     /// Parameters from which the filter was built.
     pub parameters: guidance_laws::navigation::Parameters,
     /// Camera poses rejected so far.
-    pub refused: u64,
+    pub rejected: u64,
     /// Normalised innovation squared of the last camera pose.
     pub innovation: f64,
 }

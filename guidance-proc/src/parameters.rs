@@ -1,10 +1,10 @@
 //! Guidance and navigation parameters of a scenario.
 
 use guidance_laws::capture::{self, Schedule};
+use guidance_laws::comparison::{self, BasePath};
 use guidance_laws::navigation::{self, PositionAttitude};
-use guidance_laws::reference::{self, BasePath};
 use guidance_laws::target::TargetModel;
-use guidance_laws::{ParameterError as Refusal, Pose};
+use guidance_laws::{ParameterError as LawError, Pose};
 use interfaces::files::{Frame, Servicer, Target};
 use lockstep::participant::ParameterError;
 use lockstep::units::{Acceleration, Angle, AngularAcceleration, AngularRate, Length, Quantity, Speed, Time, Vector};
@@ -31,7 +31,7 @@ pub struct Parameters {
     pub predict_target: bool,
     /// Parameters specific to the comparison guidance.
     #[serde(default)]
-    pub reference: Reference,
+    pub reference: ComparisonParameters,
     /// The navigation filter; without it the received target state is used directly.
     pub navigation: Option<Navigation>,
 }
@@ -62,14 +62,14 @@ pub struct ScheduleTable {
 /// Parameters specific to the comparison guidance.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Reference {
+pub struct ComparisonParameters {
     /// Closing pose of the base in the world.
     pub closing_pose: Frame,
     /// Path of the base to its closing pose.
     pub base_path: BasePathName,
 }
 
-impl Default for Reference {
+impl Default for ComparisonParameters {
     /// The nominal closing pose, aligned with the world, and the path `nominal-pose`.
     fn default() -> Self {
         Self {
@@ -175,8 +175,8 @@ impl Parameters {
     }
 
     /// Parameters of the comparison law.
-    pub fn comparison(&self) -> reference::Parameters {
-        reference::Parameters {
+    pub fn comparison(&self) -> comparison::Parameters {
+        comparison::Parameters {
             schedule: self.schedule(),
             grasp: pose(&self.target.grasp),
             closing_pose: pose(&self.reference.closing_pose),
@@ -223,7 +223,7 @@ impl Parameters {
 }
 
 /// Maps a law's parameter error to the scenario's key.
-pub fn refused(error: &Refusal) -> ParameterError {
+pub fn scenario_error(error: &LawError) -> ParameterError {
     let key = match error.field {
         "schedule.start_s" => "schedule.start",
         "schedule.point_s" => "schedule.point",

@@ -1,7 +1,7 @@
 //! The complete state of a guidance: that of its law and its filter.
 
 use guidance_laws::navigation::{self, NavigationFilter};
-use guidance_laws::{capture, reference};
+use guidance_laws::{capture, comparison};
 use lockstep::participant::{Failure, state};
 use serde::{Deserialize, Serialize};
 
@@ -18,13 +18,13 @@ struct Saved {
 #[derive(Serialize, Deserialize)]
 enum SavedLaw {
     Capture(capture::State),
-    Reference(reference::State),
+    Comparison(comparison::State),
 }
 
 #[derive(Serialize, Deserialize)]
 struct SavedNavigation {
     filter: navigation::State,
-    refused: u64,
+    rejected: u64,
     innovation: f64,
 }
 
@@ -32,11 +32,11 @@ struct SavedNavigation {
 pub fn save(law: &Law, navigation: Option<&Navigation>) -> Option<Vec<u8>> {
     let law = match law {
         Law::Capture(law) => SavedLaw::Capture(law.state()),
-        Law::Reference(law) => SavedLaw::Reference(law.state()),
+        Law::Comparison(law) => SavedLaw::Comparison(law.state()),
     };
     let navigation = navigation.map(|navigation| SavedNavigation {
         filter: navigation.filter.state(),
-        refused: navigation.refused,
+        rejected: navigation.rejected,
         innovation: navigation.innovation,
     });
     state::to_bytes(&Saved { law, navigation })
@@ -49,8 +49,8 @@ pub fn restore(law: &mut Law, navigation: Option<&mut Navigation>, state: &[u8])
         (Law::Capture(law), SavedLaw::Capture(state)) => {
             **law = capture::CaptureGuidance::from_state(*law.parameters(), state)?;
         }
-        (Law::Reference(law), SavedLaw::Reference(state)) => {
-            **law = reference::ReferenceGuidance::from_state(*law.parameters(), state)?;
+        (Law::Comparison(law), SavedLaw::Comparison(state)) => {
+            **law = comparison::ComparisonGuidance::from_state(*law.parameters(), state)?;
         }
         _ => {
             return Err(
@@ -63,7 +63,7 @@ pub fn restore(law: &mut Law, navigation: Option<&mut Navigation>, state: &[u8])
         (None, None) => {}
         (Some(navigation), Some(saved)) => {
             navigation.filter = NavigationFilter::from_state(navigation.parameters, &saved.filter)?;
-            navigation.refused = saved.refused;
+            navigation.rejected = saved.rejected;
             navigation.innovation = saved.innovation;
         }
         _ => {

@@ -27,6 +27,6 @@ pub fn contents(catalogue: Catalogue) -> Catalogue {
         .assessment("capture", capture::assessment::from_table)
         .remark(capture::provenance::remarks)
         .finding(capture::velocity_loop::findings)
-        .view(capture::pictures::view)
-        .failures(capture::actuators::every_actuator)
+        .view(capture::report_view::view)
+        .failures(capture::actuators::single_failure_cases)
 }

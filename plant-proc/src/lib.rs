@@ -17,8 +17,8 @@
 //! Delays are modelled by links, not by the plant.
 #![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
 
-mod abreast;
 mod actuators;
+mod batch;
 mod dynamics;
 mod parameters;
 mod plant;

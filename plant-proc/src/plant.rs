@@ -9,13 +9,13 @@ use nalgebra::Vector3;
 
 use crate::actuators::{Actuators, THRUSTERS};
 use crate::dynamics::{
-    Bob, Bodies, Forces, Grasp, Ledger, Mechanics, Model, Motion, Servicer, Target, Totals, Under, quaternion_of,
-    stop_joints,
+    Bob, BodyQuantities, Forces, Grasp, Ledger, Mechanics, Model, Motion, Servicer, SteppedPlant, Target, Totals,
+    quaternion_of, stop_joints,
 };
 use crate::parameters::{AfterGrasp, Parameters, SloshModel, Start, TargetStart};
 use crate::saved::Saved;
-use crate::sensors::{Sensors, Source};
-use crate::truth::{Grip, TruthTeller};
+use crate::sensors::{RandomSource, Sensors};
+use crate::truth::{GraspPoses, TruthWriter};
 
 /// The input ports, by number.
 const COMMAND: usize = 0;
@@ -41,7 +41,7 @@ pub struct Plant {
     pub(crate) forces: Forces,
     ledger: Ledger,
     pub(crate) grasp: Option<Grasp>,
-    teller: TruthTeller,
+    truth_writer: TruthWriter,
 }
 
 impl Plant {
@@ -77,13 +77,13 @@ impl Plant {
             &parameters.servicer.arm.joints,
             setup.period,
         )?;
-        let source = Source {
+        let source = RandomSource {
             seed: setup.seed,
             participant: &setup.name,
             period: setup.period,
         };
         let motion = Motion {
-            servicer: servicer_at(&parameters.start, parameters.slosh),
+            servicer: servicer_at_start(&parameters.start, parameters.slosh),
             bob: match parameters.slosh {
                 SloshModel::Hinges => Bob::NONE,
                 SloshModel::Spherical => Bob::at(parameters.start.slosh.si(), parameters.start.slosh_rates.si()),
@@ -94,7 +94,7 @@ impl Plant {
             work: 0.0,
             loss: 0.0,
         };
-        let target = target_at(&parameters.target_start);
+        let target = target_at_start(&parameters.target_start);
         let ledger = Ledger {
             start: Totals::of(&model, &motion, &target, false),
             impact_loss: 0.0,
@@ -119,18 +119,22 @@ impl Plant {
             },
             ledger,
             grasp: None,
-            teller: TruthTeller::default(),
+            truth_writer: TruthWriter::default(),
         })
     }
 
     /// The parts that a step integrates.
-    pub(crate) fn under<'a>(&'a mut self, told: bool, bodies: &'a mut Option<Bodies>) -> Under<'a> {
-        Under {
+    pub(crate) fn stepped_parts<'a>(
+        &'a mut self,
+        truth_requested: bool,
+        bodies: &'a mut Option<BodyQuantities>,
+    ) -> SteppedPlant<'a> {
+        SteppedPlant {
             model: &self.model,
             forces: &self.forces,
             motion: &mut self.motion,
             target: &mut self.target,
-            told,
+            truth_requested,
             bodies,
         }
     }
@@ -151,13 +155,13 @@ impl Plant {
                     .step(self.method, &self.target, &nalgebra::SVector::zeros(), h);
             }
         }
-        self.carry();
+        self.update_held_target();
     }
 
     /// Updates the target's motion from the end effector's while it is held.
-    pub(crate) fn carry(&mut self) {
+    pub(crate) fn update_held_target(&mut self) {
         if let Some(grasp) = &self.grasp {
-            self.target = self.model.carried(&self.motion.servicer, &grasp.held);
+            self.target = self.model.held_target_motion(&self.motion.servicer, &grasp.held);
         }
     }
 
@@ -175,15 +179,15 @@ impl Plant {
         let servicer = &self.motion.servicer;
         let kinematics = self.model.kinematics(servicer);
         let end_effector = self.model.tree.placement(&kinematics, self.model.end_effector);
-        let grip = Grip::of(&self.model, &end_effector, servicer, &self.target);
-        if grip.distance() <= within && grip.angle() <= within_angle {
+        let poses = GraspPoses::of(&self.model, &end_effector, servicer, &self.target);
+        if poses.distance() <= within && poses.angle() <= within_angle {
             self.grasp = self.model.grasp(&mut self.motion, &mut self.target);
             self.ledger.impact_loss += self.grasp.map_or(0.0, |grasp| grasp.loss);
         }
     }
 
     /// Start of a step: the gripper closes, the actuators take their commands, brakes engage.
-    pub(crate) fn begin(&mut self, step: &Step, inputs: &Inputs) {
+    pub(crate) fn begin_step(&mut self, step: &Step, inputs: &Inputs) {
         self.try_grasp(step.t);
         let forces = self.actuators.apply(
             step.t,
@@ -203,17 +207,17 @@ impl Plant {
         self.forces = forces;
     }
 
-    fn tell(&mut self, bodies: Option<&Bodies>) -> Truth {
+    fn truth(&mut self, bodies: Option<&BodyQuantities>) -> Truth {
         let (forces, ledger) = (&self.forces, &self.ledger);
-        let own;
+        let computed;
         let bodies = match bodies {
             Some(bodies) => bodies,
             None => {
-                own = Bodies::of(&self.model, &self.motion);
-                &own
+                computed = BodyQuantities::of(&self.model, &self.motion);
+                &computed
             }
         };
-        self.teller.tell(
+        self.truth_writer.message(
             &self.model,
             (&self.motion, bodies),
             &self.target,
@@ -224,15 +228,15 @@ impl Plant {
     }
 
     /// Writes sample number `k` at `t`, s, of each output that is read. `bodies`: the body quantities for the truth, if already computed.
-    pub(crate) fn write(&mut self, k: u64, t: f64, bodies: Option<&Bodies>, outputs: &mut Outputs) {
+    pub(crate) fn write_outputs(&mut self, k: u64, t: f64, bodies: Option<&BodyQuantities>, outputs: &mut Outputs) {
         if outputs.is_seen(TRUTH) {
-            *outputs.get_mut::<Truth>(TRUTH) = self.tell(bodies);
+            *outputs.get_mut::<Truth>(TRUTH) = self.truth(bodies);
         } else if outputs.is_ever_seen(TRUTH) {
-            self.teller.follow(&self.model, &self.motion, &self.target);
+            self.truth_writer.update_signs(&self.model, &self.motion, &self.target);
         }
         // A reading that affects later samples is taken even if this sample is not read.
         let sensors = &mut self.sensors.servicer;
-        if outputs.is_seen(MEASURED) || (outputs.is_ever_seen(MEASURED) && sensors.remember()) {
+        if outputs.is_seen(MEASURED) || (outputs.is_ever_seen(MEASURED) && sensors.has_memory()) {
             *outputs.get_mut::<Measured>(MEASURED) = *sensors.read(k, &self.motion.servicer);
         }
         if outputs.is_ever_seen(CAMERA) {
@@ -274,14 +278,14 @@ impl Participant for Plant {
     }
 
     fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
-        self.write(0, t, None, outputs);
+        self.write_outputs(0, t, None, outputs);
         Ok(())
     }
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        self.begin(step, inputs);
+        self.begin_step(step, inputs);
         self.integrate(step.period);
-        self.write(step.index + 1, step.t_next, None, outputs);
+        self.write_outputs(step.index + 1, step.t_next, None, outputs);
         Ok(())
     }
 
@@ -298,7 +302,7 @@ impl Participant for Plant {
             sensors: self.sensors.state(),
             ledger: self.ledger,
             grasp: self.grasp,
-            signs: self.teller.last,
+            signs: self.truth_writer.last,
         })
     }
 
@@ -313,7 +317,7 @@ impl Participant for Plant {
         (self.forces, self.ledger) = (saved.forces, saved.ledger);
         self.actuators.restore(&saved.actuators);
         self.sensors.restore(&saved.sensors);
-        self.teller.last = saved.signs;
+        self.truth_writer.last = saved.signs;
         Ok(())
     }
 }
@@ -325,7 +329,7 @@ fn quaternion([roll, pitch, yaw]: [f64; 3]) -> Quaternion {
     quaternion_of(&rotation::roll_pitch_yaw(roll, pitch, yaw))
 }
 
-fn servicer_at(start: &Start, slosh: SloshModel) -> Servicer {
+fn servicer_at_start(start: &Start, slosh: SloshModel) -> Servicer {
     let mut state = Servicer::rest();
     state.p_nb = start.position.si().into();
     state.quat_nb = quaternion(start.attitude.si());
@@ -342,7 +346,7 @@ fn servicer_at(start: &Start, slosh: SloshModel) -> Servicer {
     state
 }
 
-fn target_at(start: &TargetStart) -> Target {
+fn target_at_start(start: &TargetStart) -> Target {
     let mut state = Target::rest();
     state.p_nb = start.position.si().into();
     state.quat_nb = quaternion(start.attitude.si());

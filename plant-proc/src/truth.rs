@@ -4,17 +4,17 @@ use interfaces::Truth;
 use multibody::{Placement, Quaternion};
 use nalgebra::Vector3;
 
-use crate::dynamics::{Bob, Bodies, Forces, Ledger, Model, Motion, Servicer, Target, Totals, quaternion_of};
+use crate::dynamics::{Bob, BodyQuantities, Forces, Ledger, Model, Motion, Servicer, Target, Totals, quaternion_of};
 
 /// Poses of the end effector E and of the target's grasp frame G in world axes.
-pub struct Grip {
+pub struct GraspPoses {
     p_NE: Vector3<f64>,
     quat_NE: Quaternion,
     p_NG: Vector3<f64>,
     quat_NG: Quaternion,
 }
 
-impl Grip {
+impl GraspPoses {
     /// Computes both, with the end effector at the pose `p_BE` in the base.
     pub fn of(model: &Model, p_BE: &Placement, servicer: &Servicer, target: &Target) -> Self {
         Self {
@@ -32,45 +32,45 @@ impl Grip {
 
     /// Smallest angle between the two attitudes, rad.
     pub fn angle(&self) -> f64 {
-        angle_of(self.quat_NG.conjugate().times(self.quat_NE))
+        rotation_angle(self.quat_NG.conjugate().times(self.quat_NE))
     }
 }
 
 /// Fills a [`Truth`]. Keeps the signs of the quaternions derived from rotation matrices continuous.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct TruthTeller {
+pub struct TruthWriter {
     /// Attitudes of end effector and grasp frame as last written; zeros before.
     pub last: [[f64; 4]; 2],
 }
 
-impl TruthTeller {
+impl TruthWriter {
     /// Updates the signs when the truth about this motion is not written, so that they are the same as if it were written at every step.
-    pub fn follow(&mut self, model: &Model, motion: &Motion, target: &Target) {
+    pub fn update_signs(&mut self, model: &Model, motion: &Motion, target: &Target) {
         let kinematics = model.kinematics(&motion.servicer);
         let p_BE = model.tree.placement(&kinematics, model.end_effector);
-        let grip = Grip::of(model, &p_BE, &motion.servicer, target);
-        self.continuous(0, grip.quat_NE);
-        self.continuous(1, grip.quat_NG);
+        let poses = GraspPoses::of(model, &p_BE, &motion.servicer, target);
+        self.with_continuous_sign(0, poses.quat_NE);
+        self.with_continuous_sign(1, poses.quat_NG);
     }
 
     /// The truth about this motion and the servicer's `bodies` in it; `forces` are the actuators' over the step that ends here.
-    pub fn tell(
+    pub fn message(
         &mut self,
         model: &Model,
-        (motion, bodies): (&Motion, &Bodies),
+        (motion, bodies): (&Motion, &BodyQuantities),
         target: &Target,
         forces: &Forces,
         ledger: &Ledger,
         grasped: bool,
     ) -> Truth {
         let servicer = &motion.servicer;
-        let grip = Grip::of(model, &bodies.end_effector, servicer, target);
+        let poses = GraspPoses::of(model, &bodies.end_effector, servicer, target);
         let (omega_NE_E, v_NE_E) = bodies.twist;
-        let (quat_NE, quat_NG) = (grip.quat_NE, grip.quat_NG);
+        let (quat_NE, quat_NG) = (poses.quat_NE, poses.quat_NG);
         let v_NE = quat_NE.rotate(&v_NE_E);
 
         let hinges = ([servicer.q[7], servicer.q[8]], [servicer.nu[13], servicer.nu[14]]);
-        let (bob, slosh, slosh_rate) = match &model.sphere {
+        let (bob, slosh, slosh_rate) = match &model.spherical {
             None => (Bob::at(hinges.0, hinges.1), hinges.0, hinges.1),
             Some(_) => (motion.bob, motion.bob.angles(), [motion.bob.w.y, motion.bob.w.x]),
         };
@@ -81,7 +81,7 @@ impl TruthTeller {
         let relative_rate = quat_NE.rotate(&omega_NE_E) - target.quat_nb.rotate(&omega_NT);
         let totals = Totals::with(model, &bodies.momentum, motion, target, grasped);
         let residual = ledger.residual(&totals, motion);
-        let [quat_NE, quat_NG] = [(0, quat_NE), (1, quat_NG)].map(|(at, quat)| self.continuous(at, quat));
+        let [quat_NE, quat_NG] = [(0, quat_NE), (1, quat_NG)].map(|(at, quat)| self.with_continuous_sign(at, quat));
         Truth {
             p_NB_N: servicer.p_nb.into(),
             quat_NB: servicer.quat_nb.to_wxyz(),
@@ -99,7 +99,7 @@ impl TruthTeller {
             thruster_torque_B: forces.thruster_torque.into(),
             tau: forces.joint_torque,
             wheel_momentum_B: motion.wheel_momentum.into(),
-            p_NE_N: grip.p_NE.into(),
+            p_NE_N: poses.p_NE.into(),
             quat_NE,
             v_NE_N: v_NE.into(),
             omega_NE_E: omega_NE_E.into(),
@@ -107,10 +107,10 @@ impl TruthTeller {
             quat_NT: target.quat_nb.to_wxyz(),
             v_NT_N: v_NT.into(),
             omega_NT_T: omega_NT.into(),
-            p_NG_N: grip.p_NG.into(),
+            p_NG_N: poses.p_NG.into(),
             quat_NG,
-            position_error: grip.distance(),
-            attitude_error: grip.angle(),
+            position_error: poses.distance(),
+            attitude_error: poses.angle(),
             relative_speed: (v_NE - v_NG).norm(),
             relative_rate: relative_rate.norm(),
             linear_momentum_N: totals.linear.into(),
@@ -127,7 +127,7 @@ impl TruthTeller {
         }
     }
 
-    fn continuous(&mut self, at: usize, quat: Quaternion) -> [f64; 4] {
+    fn with_continuous_sign(&mut self, at: usize, quat: Quaternion) -> [f64; 4] {
         let mut quat = quat.to_wxyz();
         let along: f64 = quat.iter().zip(&self.last[at]).map(|(new, old)| new * old).sum();
         if along < 0.0 {
@@ -139,7 +139,7 @@ impl TruthTeller {
 }
 
 /// The smallest angle of a rotation, rad.
-pub fn angle_of(q: Quaternion) -> f64 {
+pub fn rotation_angle(q: Quaternion) -> f64 {
     2.0 * libm::atan2(Vector3::new(q.x, q.y, q.z).norm(), q.w.abs())
 }
 
@@ -166,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_length_has_the_bits_of_the_library() {
+    fn hypot_has_the_bits_of_libm() {
         // all directions, and one side decreasing until it is negligible or zero, or NaN
         let mut sides = vec![0.0, f64::MIN_POSITIVE, 1e-310, f64::MAX, f64::INFINITY, f64::NAN];
         let mut side = 1.0_f64;

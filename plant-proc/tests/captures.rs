@@ -36,7 +36,7 @@ fn the_close_capture_agrees_with_the_independent_simulation() {
 
 /// Tuned gains demand the same peaks, because these come from the model feed-forward, and capture as well.
 #[test]
-fn tuned_gains_capture_as_the_start_gains_do() {
+fn tuned_gains_capture_like_the_start_gains() {
     for (tuned, start, grasp) in [("close", "close-start-gains", 30.0), ("far", "far-start-gains", 55.0)] {
         let (tuned, start) = (run(&load(tuned)), run(&load(start)));
         for stream in ["torque_B", "force_B"] {
@@ -56,7 +56,7 @@ fn tuned_gains_capture_as_the_start_gains_do() {
 }
 
 #[test]
-fn the_reference_controller_saturates_the_wheels_only_with_the_stale_path() {
+fn comparison_law_saturates_wheels_only_on_stale_path() {
     let stale = run(&load("reference-close"));
     let planned = run(&load("reference-close-replanned"));
     assert!(at_grasp(&stale, 30.0)[0] < 5e-3 && at_grasp(&planned, 30.0)[0] < 5e-3);
@@ -68,7 +68,7 @@ fn the_reference_controller_saturates_the_wheels_only_with_the_stale_path() {
 }
 
 #[test]
-fn beyond_240_degrees_the_hybrid_law_lets_the_turn_complete() {
+fn hybrid_law_completes_the_turn_beyond_240_degrees() {
     let mut scenario = load("unwinding");
     scenario["duration"] = "40 s".into();
     let tape = run(&scenario);
@@ -87,7 +87,7 @@ fn beyond_240_degrees_the_hybrid_law_lets_the_turn_complete() {
 }
 
 #[test]
-fn after_the_grasp_the_stack_comes_to_rest_and_no_momentum_is_lost() {
+fn stack_comes_to_rest_after_grasp_without_momentum_loss() {
     let tape = run(&load("capture-and-stabilise"));
     assert_eq!(tape.at("plant.truth", "grasped", 0, 30.0), 0.0);
     assert_eq!(tape.at("plant.truth", "grasped", 0, 30.001), 1.0);
@@ -106,7 +106,7 @@ fn after_the_grasp_the_stack_comes_to_rest_and_no_momentum_is_lost() {
 
 /// Momentum of base, arm, propellant, wheels and target, and energy, of every stock scenario.
 #[test]
-fn the_books_of_every_scenario_close() {
+fn conservation_ledger_of_every_scenario_closes() {
     let mut seen = 0;
     for entry in std::fs::read_dir(common::scenarios()).unwrap() {
         let path = entry.unwrap().path();
@@ -125,7 +125,7 @@ fn the_books_of_every_scenario_close() {
 }
 
 #[test]
-fn no_controller_sees_the_truth() {
+fn no_controller_reads_the_truth() {
     for entry in std::fs::read_dir(common::scenarios()).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_none_or(|extension| extension != "toml") {

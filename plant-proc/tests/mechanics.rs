@@ -6,7 +6,7 @@ use common::{Tape, load, run};
 use toml::{Table, Value};
 
 /// The close capture, cut short, with other parameters of the plant.
-fn short(duration: &str, plant: &str) -> Tape {
+fn run_short(duration: &str, plant: &str) -> Tape {
     let mut scenario = load("close");
     scenario["duration"] = duration.into();
     let extra: Table = toml::from_str(plant).unwrap();
@@ -32,7 +32,7 @@ fn residuals(tape: &Tape) -> f64 {
 #[test]
 fn a_hard_grasp_conserves_momentum_and_loses_energy() {
     // the gripper closes on a target that passes at 0.2 m/s with a high spin rate
-    let tape = short(
+    let tape = run_short(
         "0.3 s",
         "after_grasp = { at = '0.1 s', within = '10 m', within_angle = '180 deg' }\n\
          target_start = { velocity = '[0.1, -0.1, 0.15] m/s', rate = '[5, -3, 10] deg/s' }",
@@ -53,8 +53,8 @@ fn a_hard_grasp_conserves_momentum_and_loses_energy() {
 }
 
 #[test]
-fn a_locked_joint_stays_where_it_is_and_books_close() {
-    let tape = short(
+fn locked_joint_holds_its_position_and_the_ledger_closes() {
+    let tape = run_short(
         "12 s",
         "faults = [{ actuator = 'joint.A4', effect = 'locked', from = '8 s', until = '10 s' }]",
     );
@@ -67,18 +67,18 @@ fn a_locked_joint_stays_where_it_is_and_books_close() {
 }
 
 #[test]
-fn failures_act_in_their_window_and_on_their_actuator() {
-    let tape = short(
+fn faults_act_on_their_actuator_in_their_window() {
+    let tape = run_short(
         "6 s",
         "faults = [{ actuator = 'wheel.y', effect = 'weak', factor = 0.5, from = '3 s', until = '4 s' },\n\
          { actuator = 'thruster.8', effect = 'on', from = '5 s' }]",
     );
-    let made = |axis, t| tape.at("plant.truth", "wheel_torque_B", axis, t);
-    let asked = |axis, t| tape.at("controller.command", "torque_B", axis, t);
+    let applied = |axis, t| tape.at("plant.truth", "wheel_torque_B", axis, t);
+    let commanded = |axis, t| tape.at("controller.command", "torque_B", axis, t);
     // the truth stamped t holds the forces over the period that ends at t, with the command of the last 10 ms
     for (t, factor) in [(2.5, 1.0), (3.5, 0.5), (4.5, 1.0)] {
-        assert_eq!(made(1, t), factor * asked(1, t - 0.01), "{t}");
-        assert_eq!(made(0, t), asked(0, t - 0.01), "{t}");
+        assert_eq!(applied(1, t), factor * commanded(1, t - 0.01), "{t}");
+        assert_eq!(applied(0, t), commanded(0, t - 0.01), "{t}");
     }
     // thruster 8, the first of two along +z, pushes with 4.5 N and turns the base about y on its arm of half a metre
     let torque = tape.at("plant.truth", "thruster_torque_B", 1, 5.5);
@@ -89,13 +89,13 @@ fn failures_act_in_their_window_and_on_their_actuator() {
 }
 
 #[test]
-fn wheels_conserve_momentum_with_and_without_their_gyroscopic_torque() {
+fn wheels_conserve_momentum_with_and_without_gyroscopy() {
     for gyroscopic in [false, true] {
         let wheels = format!(
             "actuators = {{ wheels = {{ torque = '0.2 N m', momentum = '12 N m s', start_momentum = '[3, -4, 5] N m s', \
              gyroscopic = {gyroscopic} }} }}\nstart = {{ rate = '[1, 2, -1] deg/s' }}"
         );
-        let tape = short("3 s", &wheels);
+        let tape = run_short("3 s", &wheels);
         assert!(residuals(&tape) < 1e-9, "{gyroscopic}: {:e}", residuals(&tape));
     }
 }
@@ -103,7 +103,7 @@ fn wheels_conserve_momentum_with_and_without_their_gyroscopic_torque() {
 /// The compensating torque changes the wheels' momentum like any other: without a command, 11 and 11 N m s on a base that turns at 1 deg/s
 /// would become 15.5 N m s about one axis.
 #[test]
-fn wheels_hold_their_momentum_limit_while_they_compensate() {
+fn compensating_wheels_hold_their_momentum_limit() {
     for (start_momentum, rate) in [
         ("[11, 11, 0] N m s", "[0, 0, 1] deg/s"),
         ("[-3, 11.5, 11.9] N m s", "[4, 1, -2] deg/s"),
@@ -112,7 +112,7 @@ fn wheels_hold_their_momentum_limit_while_they_compensate() {
             "actuators = {{ wheels = {{ torque = '0 N m', momentum = '12 N m s', start_momentum = '{start_momentum}' }}, \
              thrusters = {{ force = '0 N' }}, joints = {{ torque = '0 N m' }} }}\nstart = {{ rate = '{rate}' }}"
         );
-        let tape = short("60 s", &parameters);
+        let tape = run_short("60 s", &parameters);
         let peak = tape.peak("plant.truth", "wheel_momentum_B");
         assert!(peak > 12.0 - 1e-6, "the wheels fill: {peak}");
         assert!(peak < 12.0 + 1e-6, "{peak}");
@@ -128,7 +128,7 @@ fn wheels_hold_their_momentum_limit_while_they_compensate() {
 }
 
 #[test]
-fn mistakes_are_refused_with_key_value_and_remedy() {
+fn invalid_parameters_are_rejected_with_key_and_remedy() {
     let refuse = |plant: &str| {
         let scenario = load("close");
         let mut parameters = scenario["participants"]["plant"]["parameters"]
@@ -198,9 +198,9 @@ fn mistakes_are_refused_with_key_value_and_remedy() {
 }
 
 #[test]
-fn a_spherical_pendulum_keeps_its_books_through_swings_grasps_and_brakes() {
+fn spherical_pendulum_ledger_closes_at_grasp_and_brake() {
     // the bob starts next to the first hinge's axis, where two hinges lose a degree of freedom, and swings through it
-    let tape = short(
+    let tape = run_short(
         "6 s",
         "slosh = 'spherical'\n\
          start = { slosh = '[20, 85] deg', slosh_rates = '[0, 40] deg/s' }\n\
@@ -221,9 +221,9 @@ fn a_spherical_pendulum_keeps_its_books_through_swings_grasps_and_brakes() {
 }
 
 #[test]
-fn both_pendulums_swing_alike_while_the_swing_is_small() {
-    let hinged = short("8 s", "");
-    let spherical = short("8 s", "slosh = 'spherical'");
+fn pendulum_models_agree_for_small_swings() {
+    let hinged = run_short("8 s", "");
+    let spherical = run_short("8 s", "slosh = 'spherical'");
     let swing = hinged.peak("plant.truth", "slosh_swing");
     assert!((0.05..0.7).contains(&swing), "{swing}");
     for t in [2.0, 4.0, 6.0, 8.0] {
@@ -238,7 +238,7 @@ fn both_pendulums_swing_alike_while_the_swing_is_small() {
 }
 
 #[test]
-fn a_model_that_a_spherical_pendulum_does_not_fit_is_refused() {
+fn spherical_pendulum_rejects_unsuitable_hinges() {
     let mut scenario = load("close");
     let plant = scenario["participants"]["plant"]["parameters"].as_table_mut().unwrap();
     plant.insert("slosh".into(), "spherical".into());

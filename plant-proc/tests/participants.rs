@@ -5,14 +5,14 @@ mod common;
 use common::{load, make};
 use interfaces::{CameraPose, Command, Housekeeping, Measured, SetPoint, TargetState};
 use lockstep::participant::{Inputs, Outputs, Participant, Setup, Step};
-use testing::allocation::{Counting, taken_by};
+use testing::allocation::{Counting, allocations_during};
 use toml::Table;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
 /// A participant with its ports.
-struct Seat {
+struct WiredParticipant {
     setup: Setup,
     participant: Box<dyn Participant>,
     inputs: Inputs,
@@ -20,13 +20,13 @@ struct Seat {
     steps: u64,
 }
 
-impl Seat {
-    fn new(scenario: &Table, name: &str) -> Seat {
+impl WiredParticipant {
+    fn new(scenario: &Table, name: &str) -> WiredParticipant {
         let (setup, mut participant) = make(scenario, name);
         let interface = participant.interface();
         let mut outputs = Outputs::zeroed(&interface);
         participant.initialise(0.0, &mut outputs).unwrap();
-        Seat {
+        WiredParticipant {
             setup,
             participant,
             inputs: Inputs::zeroed(&interface),
@@ -49,14 +49,14 @@ impl Seat {
 }
 
 /// Plant, guidance and controller wired by hand, without delays.
-struct World {
-    plant: Seat,
-    guidance: Seat,
-    controller: Seat,
+struct WiredLoop {
+    plant: WiredParticipant,
+    guidance: WiredParticipant,
+    controller: WiredParticipant,
 }
 
-impl World {
-    fn new(name: &str) -> World {
+impl WiredLoop {
+    fn new(name: &str) -> WiredLoop {
         let (name, spherical) = name.split_once('+').map_or((name, false), |(name, _)| (name, true));
         let mut scenario = load(name);
         if spherical {
@@ -69,10 +69,10 @@ impl World {
             after["within"] = "10 m".into();
             after["within_angle"] = "180 deg".into();
         }
-        World {
-            plant: Seat::new(&scenario, "plant"),
-            guidance: Seat::new(&scenario, "guidance"),
-            controller: Seat::new(&scenario, "controller"),
+        WiredLoop {
+            plant: WiredParticipant::new(&scenario, "plant"),
+            guidance: WiredParticipant::new(&scenario, "guidance"),
+            controller: WiredParticipant::new(&scenario, "controller"),
         }
     }
 
@@ -94,16 +94,16 @@ impl World {
         }
     }
 
-    fn seats(&mut self) -> [&mut Seat; 3] {
+    fn participants(&mut self) -> [&mut WiredParticipant; 3] {
         [&mut self.plant, &mut self.guidance, &mut self.controller]
     }
 
     /// All outputs as bits.
     fn outputs(&mut self) -> Vec<u8> {
         let mut all = Vec::new();
-        for seat in self.seats() {
-            let ports = seat.participant.interface().outputs.len();
-            (0..ports).for_each(|port| all.extend_from_slice(seat.outputs.bytes_mut(port)));
+        for one in self.participants() {
+            let ports = one.participant.interface().outputs.len();
+            (0..ports).for_each(|port| all.extend_from_slice(one.outputs.bytes_mut(port)));
         }
         all
     }
@@ -112,15 +112,15 @@ impl World {
 #[test]
 fn no_step_allocates() {
     for name in ["close", "realistic", "reference-close", "capture-and-stabilise"] {
-        let mut world = World::new(name);
-        world.advance();
-        let taken = taken_by(|| (0..40).for_each(|_| world.advance()));
-        assert_eq!(taken.times, 0, "{name}");
+        let mut wired = WiredLoop::new(name);
+        wired.advance();
+        let allocations = allocations_during(|| (0..40).for_each(|_| wired.advance()));
+        assert_eq!(allocations.count, 0, "{name}");
     }
 }
 
 #[test]
-fn a_restored_participant_continues_to_the_last_bit() {
+fn restored_participant_continues_bit_for_bit() {
     for name in [
         "close",
         "realistic",
@@ -128,10 +128,10 @@ fn a_restored_participant_continues_to_the_last_bit() {
         "capture-and-stabilise",
         "capture-and-stabilise+spherical",
     ] {
-        let mut original = World::new(name);
+        let mut original = WiredLoop::new(name);
         (0..23).for_each(|_| original.advance());
-        let mut restored = World::new(name);
-        for (from, to) in original.seats().into_iter().zip(restored.seats()) {
+        let mut restored = WiredLoop::new(name);
+        for (from, to) in original.participants().into_iter().zip(restored.participants()) {
             let state = from.participant.save().unwrap();
             to.participant.restore(&state).unwrap();
             to.steps = from.steps;
@@ -147,12 +147,12 @@ fn a_restored_participant_continues_to_the_last_bit() {
 }
 
 #[test]
-fn a_state_that_is_none_is_refused() {
-    let mut world = World::new("close");
-    for seat in world.seats() {
-        let state = seat.participant.save().unwrap();
+fn participant_rejects_malformed_state() {
+    let mut wired = WiredLoop::new("close");
+    for one in wired.participants() {
+        let state = one.participant.save().unwrap();
         for bad in [&state[..state.len() - 1], &[], &[7; 40]] {
-            assert!(seat.participant.restore(bad).is_err(), "{}", seat.setup.name);
+            assert!(one.participant.restore(bad).is_err(), "{}", one.setup.name);
         }
     }
 }

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use escapement_tests::faulty;
-use testing::allocation::{Counting, taken_by_all};
+use testing::allocation::{Counting, process_allocations};
 
 static AT_SECOND_STEP: AtomicU64 = AtomicU64::new(0);
 
@@ -13,7 +13,7 @@ static ALLOCATOR: Counting = Counting;
 
 fn main() -> ExitCode {
     faulty::damper("counting", |step| {
-        let taken = taken_by_all();
+        let taken = process_allocations();
         match step.index {
             0 => {}
             1 => AT_SECOND_STEP.store(taken, Ordering::Relaxed),

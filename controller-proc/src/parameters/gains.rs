@@ -149,8 +149,8 @@ impl GainsFile {
     /// When there is no K_S, or its size is not that of the servicer.
     pub fn sliding_gain_norm(&self) -> Result<f64, ParameterError> {
         let tuned = self.gains.as_ref();
-        let given = tuned.map_or((0, 0), |tuned| (tuned.ks.len(), tuned.ks_matrix.len()));
-        match (tuned, given) {
+        let sizes = tuned.map_or((0, 0), |tuned| (tuned.ks.len(), tuned.ks_matrix.len()));
+        match (tuned, sizes) {
             (Some(tuned), (1.., 0)) => Ok(list("gains.gains.ks", &tuned.ks)?.amax()),
             (Some(tuned), (0, 1..)) => Ok(matrix("gains.gains.ks_matrix", &tuned.ks_matrix)?
                 .singular_values()

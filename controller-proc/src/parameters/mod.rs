@@ -1,16 +1,16 @@
 //! Controller parameters of a scenario. Every default is the paper's, or the baseline's where the paper gives none.
 
-mod beyond;
 mod channels;
+mod extensions;
 mod gains;
 mod model;
 
 use control_laws::filter::FilterParameters;
 use control_laws::inner::{Bound, Discretisation, FeedbackLaw};
 use control_laws::outer::{ArmWeight, AttitudeLaw, OuterParameters, Weights};
-use control_laws::tracker::{Followed, TrackerParameters};
-use control_laws::{hierarchical, reference};
-use guidance_laws::Between;
+use control_laws::tracker::{TrackedVelocity, TrackerParameters};
+use control_laws::{comparison, hierarchical};
+use guidance_laws::InterSample;
 use interfaces::JOINTS;
 use interfaces::files::{Servicer, Target};
 use lockstep::participant::ParameterError;
@@ -20,9 +20,9 @@ use serde::Deserialize;
 
 pub use channels::channels;
 
-pub use beyond::{Allocation, Avoidance, Stabilise, payload};
+pub use extensions::{Allocation, Avoidance, Stabilise, payload};
 pub use gains::GainsFile;
-pub use model::{Model, build};
+pub use model::{Model, build_control_model};
 
 /// `participants.NAME.parameters` of a controller.
 #[derive(Debug, Clone, Deserialize)]
@@ -39,7 +39,7 @@ pub struct Parameters {
     pub law: LawName,
     /// Set-point handling between two samples of the guidance.
     #[serde(default)]
-    pub between: BetweenName,
+    pub between: InterSampleName,
     /// Gains of the inner loop.
     pub gains: GainsFile,
     /// Control model of the servicer.
@@ -56,7 +56,7 @@ pub struct Parameters {
     pub inner: Inner,
     /// Parameters specific to the comparison law.
     #[serde(default)]
-    pub reference: Reference,
+    pub reference: ComparisonParameters,
     /// Avoidance of joint limits and of the straight elbow; off by default.
     pub avoidance: Option<Avoidance>,
     /// Allocation of the base's torque to wheels and thrusters; off by default.
@@ -79,7 +79,7 @@ pub enum LawName {
 /// Set-point handling between two samples of the guidance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum BetweenName {
+pub enum InterSampleName {
     /// The last set-point, extrapolated with its own velocities.
     #[default]
     Propagate,
@@ -176,7 +176,7 @@ pub struct Filter {
     /// Damping ratio.
     pub damping: f64,
     /// Velocity that the inner loop follows.
-    pub followed: FollowedName,
+    pub followed: TrackedVelocityName,
 }
 
 impl Default for Filter {
@@ -184,7 +184,7 @@ impl Default for Filter {
         Self {
             frequency: Quantity::of(10.0),
             damping: 0.9,
-            followed: FollowedName::Raw,
+            followed: TrackedVelocityName::Raw,
         }
     }
 }
@@ -192,7 +192,7 @@ impl Default for Filter {
 /// Velocity that the inner loop follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum FollowedName {
+pub enum TrackedVelocityName {
     /// The outer loop's velocity, as in the paper.
     Raw,
     /// The filter's velocity.
@@ -304,14 +304,14 @@ pub enum DiscretisationName {
 /// Parameters specific to the comparison law; attitude and position gains are those of `outer`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Reference {
+pub struct ComparisonParameters {
     /// Position gain of the base.
     pub base_position_gain: PerAxis<PerTime, 3>,
     /// Damping of the least squares.
     pub least_squares_damping: f64,
 }
 
-impl Default for Reference {
+impl Default for ComparisonParameters {
     /// 0.3 1/s, and a damping of 0.01 that only matters next to a singularity.
     fn default() -> Self {
         Self {
@@ -332,10 +332,10 @@ impl Parameters {
         }
     }
 
-    fn between(&self) -> Between {
+    fn inter_sample(&self) -> InterSample {
         match self.between {
-            BetweenName::Propagate => Between::Propagate,
-            BetweenName::Hold => Between::Hold,
+            InterSampleName::Propagate => InterSample::Propagate,
+            InterSampleName::Hold => InterSample::Hold,
         }
     }
 
@@ -368,8 +368,8 @@ impl Parameters {
                 damping: self.filter.damping,
             },
             followed: match self.filter.followed {
-                FollowedName::Raw => Followed::Raw,
-                FollowedName::Filtered => Followed::Filtered,
+                TrackedVelocityName::Raw => TrackedVelocity::Raw,
+                TrackedVelocityName::Filtered => TrackedVelocity::Filtered,
             },
             gains: self.gains.gains(&feedback)?,
             feedback,
@@ -401,37 +401,37 @@ impl Parameters {
                 },
             },
             tracker: self.tracker(period_s)?,
-            between: self.between(),
+            inter_sample: self.inter_sample(),
             avoidance: match &self.avoidance {
-                Some(avoidance) => Some(avoidance.law(&self.urdf, &self.servicer.arm)?),
+                Some(avoidance) => Some(avoidance.law_parameters(&self.urdf, &self.servicer.arm)?),
                 None => None,
             },
-            allocation: self.allocation.as_ref().map(Allocation::law),
+            allocation: self.allocation.as_ref().map(Allocation::law_parameters),
         })
     }
 
     /// Parameters of the comparison law.
-    pub fn comparison(&self, period_s: f64) -> Result<reference::Parameters, ParameterError> {
+    pub fn comparison(&self, period_s: f64) -> Result<comparison::Parameters, ParameterError> {
         if self.avoidance.is_some() {
             let reason = "only the hierarchical law has a null space to avoid joint ends in; leave it out";
             return Err(ParameterError::new("avoidance", reason));
         }
-        Ok(reference::Parameters {
+        Ok(comparison::Parameters {
             attitude: self.attitude(),
             attitude_gain: self.outer.attitude_gain.si().into(),
             position_gain: self.outer.position_gain.si().into(),
             base_position_gain: Vector3::from(self.reference.base_position_gain.si()),
             least_squares_damping: self.reference.least_squares_damping,
             tracker: self.tracker(period_s)?,
-            between: self.between(),
-            allocation: self.allocation.as_ref().map(Allocation::law),
+            inter_sample: self.inter_sample(),
+            allocation: self.allocation.as_ref().map(Allocation::law_parameters),
         })
     }
 }
 
 /// Maps a law's parameter error to the scenario's key. Field names of the laws end in their units; in the scenario the unit
 /// is written with the value instead.
-pub fn refused(error: &control_laws::ParameterError) -> ParameterError {
+pub fn scenario_error(error: &control_laws::ParameterError) -> ParameterError {
     let key = match error.field {
         "outer.attitude.hysteresis" => "outer.hysteresis",
         "outer.weights.arm" => "outer.weights.arm_fixed",

@@ -66,7 +66,7 @@ const fn unchanged() -> f64 {
 ///
 /// # Errors
 /// Names the parameter that does not fit the URDF.
-pub fn build(
+pub fn build_control_model(
     urdf: &str,
     servicer: &Servicer,
     model: &Model,

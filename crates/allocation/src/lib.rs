@@ -4,7 +4,7 @@
 //! #[global_allocator]
 //! static ALLOCATOR: allocation::Counting = allocation::Counting;
 //!
-//! assert_eq!(allocation::taken_by(|| drop(std::hint::black_box(Box::new(7_u8)))).times, 1);
+//! assert_eq!(allocation::allocations_during(|| drop(std::hint::black_box(Box::new(7_u8)))).count, 1);
 //! ```
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -13,31 +13,31 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The allocations of a thread.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-pub struct Taken {
+pub struct Allocations {
     /// The number of allocations.
-    pub times: u64,
+    pub count: u64,
     /// The largest allocation, bytes.
-    pub largest: usize,
+    pub largest_bytes: usize,
     /// Allocated and not yet freed, bytes.
-    pub held: i64,
+    pub live_bytes: i64,
 }
 
 /// The system's allocator, with a count for each thread and for the process.
 pub struct Counting;
 
-static TAKEN_BY_ALL: AtomicU64 = AtomicU64::new(0);
+static PROCESS_ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
 
 thread_local! {
-    static TAKEN: Cell<Taken> = const { Cell::new(Taken { times: 0, largest: 0, held: 0 }) };
+    static THREAD_ALLOCATIONS: Cell<Allocations> = const { Cell::new(Allocations { count: 0, largest_bytes: 0, live_bytes: 0 }) };
 }
 
-fn count(size: usize, given_back: usize) {
-    TAKEN_BY_ALL.fetch_add(u64::from(size > 0), Ordering::Relaxed);
-    TAKEN.with(|cell| {
+fn count(size: usize, freed: usize) {
+    PROCESS_ALLOCATIONS.fetch_add(u64::from(size > 0), Ordering::Relaxed);
+    THREAD_ALLOCATIONS.with(|cell| {
         let mut taken = cell.get();
-        taken.times += u64::from(size > 0);
-        taken.largest = taken.largest.max(size);
-        taken.held += size as i64 - given_back as i64;
+        taken.count += u64::from(size > 0);
+        taken.largest_bytes = taken.largest_bytes.max(size);
+        taken.live_bytes += size as i64 - freed as i64;
         cell.set(taken);
     });
 }
@@ -68,16 +68,20 @@ unsafe impl GlobalAlloc for Counting {
 ///
 /// # Panics
 /// When [`Counting`] is not the allocator of this program: then nothing would be counted.
-pub fn taken_by(work: impl FnOnce()) -> Taken {
-    TAKEN.set(Taken::default());
+pub fn allocations_during(work: impl FnOnce()) -> Allocations {
+    THREAD_ALLOCATIONS.set(Allocations::default());
     drop(std::hint::black_box(Box::new(1_u8)));
-    assert_eq!(TAKEN.get().times, 1, "the counting allocator is not the program's");
-    TAKEN.set(Taken::default());
+    assert_eq!(
+        THREAD_ALLOCATIONS.get().count,
+        1,
+        "the counting allocator is not the program's"
+    );
+    THREAD_ALLOCATIONS.set(Allocations::default());
     work();
-    TAKEN.get()
+    THREAD_ALLOCATIONS.get()
 }
 
 /// The number of allocations of this process, in all threads together.
-pub fn taken_by_all() -> u64 {
-    TAKEN_BY_ALL.load(Ordering::Relaxed)
+pub fn process_allocations() -> u64 {
+    PROCESS_ALLOCATIONS.load(Ordering::Relaxed)
 }

@@ -20,7 +20,7 @@ use tape::folder::RunFolder;
 use tape::{Event, EventKind, StreamSpec, Writer};
 
 lockstep::message! {
-    /// The plant as it is.
+    /// The true state of the plant.
     struct Truth {
         p_NB_N: [f64; 3] = "m" in "N",
         quat_NB: [f64; 4] = "1" in "N",
@@ -47,14 +47,14 @@ lockstep::message! {
     }
 }
 lockstep::message! {
-    /// Where the end effector shall be.
+    /// The set-point of the end effector.
     struct Setpoint {
         p_ND_N: [f64; 3] = "m" in "N",
         quat_ND: [f64; 4] = "1" in "N",
     }
 }
 lockstep::message! {
-    /// What the actuators are asked for.
+    /// The commands to the actuators.
     struct Command {
         base_torque: [f64; 3] = "N m" in "B",
         base_force: [f64; 3] = "N" in "B",
@@ -62,7 +62,7 @@ lockstep::message! {
     }
 }
 lockstep::message! {
-    /// The controller's insides.
+    /// Internal signals of the controller.
     struct Telemetry {
         epsilon: f64 = "1",
         h: f64 = "1",
@@ -74,7 +74,7 @@ lockstep::message! {
 type Vec3 = [f64; 3];
 type Quat = [f64; 4];
 
-fn times(a: Quat, b: Quat) -> Quat {
+fn product(a: Quat, b: Quat) -> Quat {
     [
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -87,13 +87,13 @@ fn conjugate(q: Quat) -> Quat {
     [q[0], -q[1], -q[2], -q[3]]
 }
 
-fn turn(axis: Vec3, angle: f64) -> Quat {
+fn axis_angle(axis: Vec3, angle: f64) -> Quat {
     let (s, c) = (angle / 2.0).sin_cos();
     [c, s * axis[0], s * axis[1], s * axis[2]]
 }
 
 fn rotate(q: Quat, v: Vec3) -> Vec3 {
-    let [_, x, y, z] = times(times(q, [0.0, v[0], v[1], v[2]]), conjugate(q));
+    let [_, x, y, z] = product(product(q, [0.0, v[0], v[1], v[2]]), conjugate(q));
     [x, y, z]
 }
 
@@ -102,7 +102,7 @@ fn add(a: Vec3, b: Vec3) -> Vec3 {
 }
 
 /// The pose of the end effector in the base: an arm with seven joints, and the tool.
-fn arm(q: &[f64; 7]) -> (Vec3, Quat) {
+fn end_effector_pose(q: &[f64; 7]) -> (Vec3, Quat) {
     const LINKS: [(Vec3, Vec3); 7] = [
         ([0.35, 0.0, 0.6475], [0.0, 0.0, 1.0]),
         ([0.0, -0.01, 0.2125], [0.0, 1.0, 0.0]),
@@ -115,13 +115,13 @@ fn arm(q: &[f64; 7]) -> (Vec3, Quat) {
     let (mut p, mut r) = ([0.0; 3], [1.0, 0.0, 0.0, 0.0]);
     for ((offset, axis), angle) in LINKS.into_iter().zip(q) {
         p = add(p, rotate(r, offset));
-        r = times(r, turn(axis, *angle));
+        r = product(r, axis_angle(axis, *angle));
     }
     (add(p, rotate(r, [0.0, 0.0, 0.235])), r)
 }
 
 /// 0 below zero, 1 above one, with two continuous derivatives between.
-fn blend(x: f64) -> f64 {
+fn smoothstep(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
 }
@@ -137,9 +137,9 @@ struct Instant {
 /// Everything at `t` seconds. `flavour` shifts the curves a little, so that two runs can be told apart.
 fn instant(t: f64, flavour: f64) -> Instant {
     let rate = 1.16_f64.to_radians();
-    let quat_nt = turn([0.26, 0.43, 0.8635], rate * t);
+    let quat_nt = axis_angle([0.26, 0.43, 0.8635], rate * t);
     let p_ng = rotate(quat_nt, [0.0, 0.0, -0.65]);
-    let s = blend((t - 1.0) / 29.0);
+    let s = smoothstep((t - 1.0) / 29.0);
     let shake = 0.02 * flavour * (1.1 * t).sin() * (1.0 - s);
     let error = [
         0.28 * (1.0 - s) + shake,
@@ -147,23 +147,24 @@ fn instant(t: f64, flavour: f64) -> Instant {
         -0.75 * (1.0 - s),
     ];
     let p_ne = add(p_ng, add(error, [1e-4 * (2.0 * t).sin(), 0.0, 5e-5]));
-    let lag = (1.0 - blend((t - 1.0) / 19.0)) * 0.35;
-    let quat_ne = times(quat_nt, turn([0.0, 1.0, 0.0], -lag + 3e-5 * (3.0 * t).cos()));
+    let lag = (1.0 - smoothstep((t - 1.0) / 19.0)) * 0.35;
+    let quat_ne = product(quat_nt, axis_angle([0.0, 1.0, 0.0], -lag + 3e-5 * (3.0 * t).cos()));
     let mut q = [0.0, 40.0, 0.0, 80.0, 0.0, 40.0, 0.0].map(f64::to_radians);
     for (i, angle) in q.iter_mut().enumerate() {
         *angle += s * [0.25, -0.3, 0.2, -0.35, 0.3, 0.12, 0.4][i] * (1.0 + 0.3 * flavour);
     }
-    let (p_be, quat_be) = arm(&q);
-    let quat_nb = times(quat_ne, conjugate(quat_be));
+    let (p_be, quat_be) = end_effector_pose(&q);
+    let quat_nb = product(quat_ne, conjugate(quat_be));
     let p_nb = add(p_ne, rotate(quat_nb, p_be).map(|x| -x));
-    let bell = 30.0 * s * (1.0 - s);
+    let speed_profile = 30.0 * s * (1.0 - s);
     let force = [
-        0.11 * bell,
-        0.02 * (0.4 * t).sin() * bell,
-        0.12 * bell * (0.2 * t).cos(),
+        0.11 * speed_profile,
+        0.02 * (0.4 * t).sin() * speed_profile,
+        0.12 * speed_profile * (0.2 * t).cos(),
     ];
-    let torque = [0.004, 0.009, 0.003].map(|a| a * bell * (0.35 * t + 40.0 * a).cos() * (1.0 + 2.0 * flavour));
-    let joint: [f64; 7] = std::array::from_fn(|i| (1.5 - 0.2 * i as f64) * 0.1 * bell * (0.25 * t + i as f64).sin());
+    let torque = [0.004, 0.009, 0.003].map(|a| a * speed_profile * (0.35 * t + 40.0 * a).cos() * (1.0 + 2.0 * flavour));
+    let joint: [f64; 7] =
+        std::array::from_fn(|i| (1.5 - 0.2 * i as f64) * 0.1 * speed_profile * (0.25 * t + i as f64).sin());
     let swing = (-t / 60.0).exp();
     Instant {
         truth: Truth {
@@ -181,7 +182,7 @@ fn instant(t: f64, flavour: f64) -> Instant {
             base_force: force,
             joint_torque: joint,
             momentum_angular_N: torque.map(|x| 8.0 * x),
-            energy: 0.3 * bell * bell,
+            energy: 0.3 * speed_profile * speed_profile,
         },
         target: Target {
             p_NT_N: [0.0; 3],
@@ -199,7 +200,7 @@ fn instant(t: f64, flavour: f64) -> Instant {
         telemetry: Telemetry {
             epsilon: 100.0 - 62.0 * (1.0 - s),
             h: if t < 4.0 { -1.0 } else { 1.0 },
-            sigma: std::array::from_fn(|i| 0.01 * (0.2 * t + i as f64).sin() * bell),
+            sigma: std::array::from_fn(|i| 0.01 * (0.2 * t + i as f64).sin() * speed_profile),
             saturated: std::array::from_fn(|i| u8::from(i == 1 && torque[1].abs() > 0.065)),
         },
     }

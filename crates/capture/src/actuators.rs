@@ -11,8 +11,8 @@ use toml::{Table, Value};
 struct Failure {
     actuator: String,
     effect: &'static str,
-    /// The information about it that the controller can be given.
-    informed: Vec<String>,
+    /// The changes of the scenario that inform the controller of the failure.
+    controller_changes: Vec<String>,
 }
 
 /// Every single failure of an actuator of the stock plant, from the start and from each of `at`; with `informed`, those
@@ -20,7 +20,12 @@ struct Failure {
 ///
 /// # Errors
 /// When the scenario has no stock plant.
-pub fn every_actuator(scenario: &Scenario, file: &Path, at: &[Rational], informed: bool) -> Result<Cases, CasesError> {
+pub fn single_failure_cases(
+    scenario: &Scenario,
+    file: &Path,
+    at: &[Rational],
+    informed: bool,
+) -> Result<Cases, CasesError> {
     let refuse = |reason: &str| CasesError {
         path: file.to_owned(),
         reason: reason.to_owned(),
@@ -33,7 +38,7 @@ pub fn every_actuator(scenario: &Scenario, file: &Path, at: &[Rational], informe
             "has no stock controller that could be informed: leave out --informed",
         ));
     }
-    let failures = failures(scenario, plant, controller);
+    let failures = actuator_failures(scenario, plant, controller);
     let mut rows = vec![(
         ["none".to_owned(), String::new(), String::new(), "no".to_owned()],
         Vec::new(),
@@ -60,14 +65,19 @@ pub fn every_actuator(scenario: &Scenario, file: &Path, at: &[Rational], informe
             } else {
                 failure.effect
             };
-            let row = |knows: &str| {
+            let row = |law_informed: &str| {
                 let from = from.map_or("the start".to_owned(), |from| from.to_string());
-                [failure.actuator.clone(), effect.to_owned(), from, knows.to_owned()]
+                [
+                    failure.actuator.clone(),
+                    effect.to_owned(),
+                    from,
+                    law_informed.to_owned(),
+                ]
             };
             rows.push((row("no"), vec![change.clone()]));
-            if informed && from.is_none() && !failure.informed.is_empty() {
+            if informed && from.is_none() && !failure.controller_changes.is_empty() {
                 let mut changes = vec![change];
-                changes.extend(failure.informed.iter().cloned());
+                changes.extend(failure.controller_changes.iter().cloned());
                 rows.push((row("yes"), changes));
             }
         }
@@ -85,7 +95,7 @@ pub fn every_actuator(scenario: &Scenario, file: &Path, at: &[Rational], informe
     })
 }
 
-fn failures(scenario: &Scenario, plant: &str, controller: Option<&str>) -> Vec<Failure> {
+fn actuator_failures(scenario: &Scenario, plant: &str, controller: Option<&str>) -> Vec<Failure> {
     let parameters = scenario.participants.iter().find(|entry| entry.setup.name == plant);
     let joints = parameters
         .and_then(|entry| {
@@ -100,17 +110,19 @@ fn failures(scenario: &Scenario, plant: &str, controller: Option<&str>) -> Vec<F
         .map(|names| names.iter().filter_map(Value::as_str).map(str::to_owned).collect());
     let joints: Vec<String> = joints.unwrap_or_else(|| (1..=7).map(|joint| format!("A{joint}")).collect());
     let mut all = Vec::new();
-    let mut push = |actuator: String, effect, informed| {
+    let mut push = |actuator: String, effect, controller_changes| {
         all.push(Failure {
             actuator,
             effect,
-            informed,
+            controller_changes,
         });
     };
     for (number, axis) in ["x", "y", "z"].into_iter().enumerate() {
-        for (effect, left) in [("stuck", 0.0), ("off", 0.0), ("weak", 0.5)] {
-            let informed = controller.map_or(Vec::new(), |law| wheels_shared(scenario, plant, law, number, left));
-            push(format!("wheel.{axis}"), effect, informed);
+        for (effect, remaining) in [("stuck", 0.0), ("off", 0.0), ("weak", 0.5)] {
+            let controller_changes = controller.map_or(Vec::new(), |law| {
+                thruster_couple_changes(scenario, plant, law, number, remaining)
+            });
+            push(format!("wheel.{axis}"), effect, controller_changes);
         }
     }
     let directions = ["+x", "-x", "+y", "-y", "+z", "-z"].map(str::to_owned);
@@ -121,7 +133,7 @@ fn failures(scenario: &Scenario, plant: &str, controller: Option<&str>) -> Vec<F
     }
     for (number, joint) in joints.iter().enumerate() {
         for effect in ["locked", "off"] {
-            let informed = controller.map_or(Vec::new(), |law| {
+            let controller_changes = controller.map_or(Vec::new(), |law| {
                 let factors: Vec<String> = (0..joints.len())
                     .map(|other| if other == number { "0.0" } else { "1.0" }.to_owned())
                     .collect();
@@ -130,17 +142,17 @@ fn failures(scenario: &Scenario, plant: &str, controller: Option<&str>) -> Vec<F
                     factors.join(", ")
                 )]
             });
-            push(format!("joint.{joint}"), effect, informed);
+            push(format!("joint.{joint}"), effect, controller_changes);
         }
     }
     all
 }
 
-/// The changes that make thruster couples replace the torque that a wheel has lost; the fraction `left` of the torque
+/// The changes that make thruster couples replace the torque that a wheel has lost; the fraction `remaining` of the torque
 /// remains.
-fn wheels_shared(scenario: &Scenario, plant: &str, law: &str, axis: usize, left: f64) -> Vec<String> {
+fn thruster_couple_changes(scenario: &Scenario, plant: &str, law: &str, axis: usize, remaining: f64) -> Vec<String> {
     let torques: Vec<String> = (0..3)
-        .map(|other| if other == axis { 0.2 * left } else { 0.2 }.to_string())
+        .map(|other| if other == axis { 0.2 * remaining } else { 0.2 }.to_string())
         .collect();
     let mut changes = vec![format!(
         "participants.{law}.parameters.allocation.wheel_torque=[{}] N m",
@@ -148,11 +160,11 @@ fn wheels_shared(scenario: &Scenario, plant: &str, law: &str, axis: usize, left:
     )];
     let connections = scenario.resolved().get("connections").and_then(Value::as_table);
     let mut connect = |from: String, to: String, more: &str| {
-        let there = connections.is_some_and(|all| {
+        let connected = connections.is_some_and(|all| {
             all.values()
                 .any(|one| one.get("from").and_then(Value::as_str) == Some(&from))
         });
-        if !there {
+        if !connected {
             let name = from.replace('.', "-");
             changes.push(format!(
                 "connections.{name}={{ from = \"{from}\", to = \"{to}\"{more} }}"

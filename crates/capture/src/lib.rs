@@ -4,12 +4,12 @@
 //! - [`actuators`]: campaign cases with every single failure of an actuator of the stock plant;
 //! - [`provenance`]: checks of gains against the robot and the period that they are used with;
 //! - [`velocity_loop`]: stability of gains with the delays of a scenario, along its path;
-//! - [`flight`]: closed-loop verification of tuned gains in the simulator;
-//! - [`pictures`]: its figures in the report.
+//! - [`closed_loop`]: closed-loop verification of tuned gains in the simulator;
+//! - [`report_view`]: its figures in the report.
 
 pub mod actuators;
 pub mod assessment;
-pub mod flight;
-pub mod pictures;
+pub mod closed_loop;
 pub mod provenance;
+pub mod report_view;
 pub mod velocity_loop;

@@ -49,7 +49,7 @@ impl Allocation {
         let force = Vector3::new(force[3], force[4], force[5]);
         match parameters {
             None => Self::direct(&torque, &force),
-            Some(parameters) => parameters.share(&torque, &force, wheel_momentum),
+            Some(parameters) => parameters.allocate(&torque, &force, wheel_momentum),
         }
     }
 
@@ -91,7 +91,7 @@ fn thrust(force: &Vector3<f64>, torque: &Vector3<f64>, lever_arm: &Vector3<f64>)
 }
 
 impl AllocationParameters {
-    pub(crate) fn validated(&self) -> Result<(), ParameterError> {
+    pub(crate) fn validate(&self) -> Result<(), ParameterError> {
         for axis in 0..3 {
             ParameterError::non_negative("allocation.wheel_torque_nm", self.wheel_torque_nm[axis])?;
             ParameterError::non_negative("allocation.wheel_momentum_nms", self.wheel_momentum_nms[axis])?;
@@ -105,7 +105,7 @@ impl AllocationParameters {
 
     /// Allocates `torque` (N m) and `force` (N) on the base, with `momentum` (N m s) stored in the wheels; all in base axes. On the
     /// thrusters, force has priority over torque.
-    pub fn share(&self, torque: &Vector3<f64>, force: &Vector3<f64>, momentum: &Vector3<f64>) -> Allocation {
+    pub fn allocate(&self, torque: &Vector3<f64>, force: &Vector3<f64>, momentum: &Vector3<f64>) -> Allocation {
         let thruster_force = force.zip_map(&self.thruster_force_n, |value, limit| value.clamp(-limit, limit));
         let mut wheel_torque = Vector3::zeros();
         let mut thruster_torque = Vector3::zeros();
@@ -114,11 +114,11 @@ impl AllocationParameters {
             let spare = (self.thruster_force_n[push] - thruster_force[push].abs()) * self.lever_arm_m[axis];
             let (most_negative, most_positive) = self.wheel_range(axis, momentum[axis]);
             // the reaction of a torque on the base changes the wheel's momentum: dh/dt = −torque
-            let shed = self.unload_rate_1_s
+            let unloading = self.unload_rate_1_s
                 * (momentum[axis].abs() - self.unload_above_nms)
                     .max(0.0)
                     .copysign(momentum[axis]);
-            let wheel = (torque[axis] + shed).clamp(most_negative, most_positive);
+            let wheel = (torque[axis] + unloading).clamp(most_negative, most_positive);
             let thruster = (torque[axis] - wheel).clamp(-spare, spare);
             // the wheels provide the part that the thrusters cannot
             wheel_torque[axis] = (torque[axis] - thruster).clamp(most_negative, most_positive);
@@ -187,52 +187,52 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nothing_is_lost_and_no_limit_is_passed(
+        fn allocation_is_complete_and_respects_every_limit(
             torque in vector(6.0), force in vector(12.0), momentum in vector(14.0),
         ) {
             let parameters = parameters();
-            let shared = parameters.share(&torque, &force, &momentum);
-            prop_assert!((shared.wheel_torque + shared.thruster_torque + shared.missing_torque - torque).amax() < 1e-14);
-            prop_assert!((shared.thruster_force + shared.missing_force - force).amax() < 1e-14);
+            let allocated = parameters.allocate(&torque, &force, &momentum);
+            prop_assert!((allocated.wheel_torque + allocated.thruster_torque + allocated.missing_torque - torque).amax() < 1e-14);
+            prop_assert!((allocated.thruster_force + allocated.missing_force - force).amax() < 1e-14);
             for axis in 0..3 {
-                prop_assert!(shared.wheel_torque[axis].abs() <= 0.2);
+                prop_assert!(allocated.wheel_torque[axis].abs() <= 0.2);
                 if momentum[axis].abs() >= 12.0 {
-                    prop_assert!(shared.wheel_torque[axis] * momentum[axis] >= 0.0, "a full wheel is not filled further");
+                    prop_assert!(allocated.wheel_torque[axis] * momentum[axis] >= 0.0, "a full wheel is not filled further");
                 }
             }
-            for thrust in shared.thrust {
+            for thrust in allocated.thrust {
                 prop_assert!((0.0..=4.5 + 1e-12).contains(&thrust));
             }
-            let (made_force, made_torque) = wrench(&shared.thrust, &parameters.lever_arm_m);
-            prop_assert!((made_force - shared.thruster_force).amax() < 1e-12);
-            prop_assert!((made_torque - shared.thruster_torque).amax() < 1e-12);
+            let (total_force, total_torque) = wrench(&allocated.thrust, &parameters.lever_arm_m);
+            prop_assert!((total_force - allocated.thruster_force).amax() < 1e-12);
+            prop_assert!((total_torque - allocated.thruster_torque).amax() < 1e-12);
         }
 
         #[test]
-        fn shedding_momentum_is_not_felt_by_the_base(torque in vector(0.15), momentum in vector(11.0)) {
-            let shared = parameters().share(&torque, &Vector3::zeros(), &momentum);
-            prop_assert!(shared.missing_torque.amax() < 1e-15);
-            prop_assert!((shared.wheel_torque + shared.thruster_torque - torque).amax() < 1e-15);
+        fn unloading_the_wheels_gives_no_net_torque(torque in vector(0.15), momentum in vector(11.0)) {
+            let allocated = parameters().allocate(&torque, &Vector3::zeros(), &momentum);
+            prop_assert!(allocated.missing_torque.amax() < 1e-15);
+            prop_assert!((allocated.wheel_torque + allocated.thruster_torque - torque).amax() < 1e-15);
             for axis in 0..3 {
-                let shed = shared.wheel_torque[axis] - torque[axis];
-                prop_assert!(shed * momentum[axis] >= 0.0);
-                prop_assert_eq!(shed.abs() > 1e-15, momentum[axis].abs() > 6.0 + 1e-13);
+                let unloading = allocated.wheel_torque[axis] - torque[axis];
+                prop_assert!(unloading * momentum[axis] >= 0.0);
+                prop_assert_eq!(unloading.abs() > 1e-15, momentum[axis].abs() > 6.0 + 1e-13);
             }
         }
     }
 
     #[test]
-    fn thrusters_help_out_saturated_wheels_with_what_the_force_leaves() {
+    fn thrusters_support_saturated_wheels_within_spare_force() {
         let torque = Vector3::new(1.0, 0.0, 0.0);
-        let free = parameters().share(&torque, &Vector3::zeros(), &Vector3::zeros());
+        let free = parameters().allocate(&torque, &Vector3::zeros(), &Vector3::zeros());
         assert!((free.wheel_torque.x - 0.2).abs() < 1e-15 && (free.thruster_torque.x - 0.8).abs() < 1e-15);
-        let busy = parameters().share(&torque, &Vector3::new(0.0, -8.0, 0.0), &Vector3::zeros());
+        let busy = parameters().allocate(&torque, &Vector3::new(0.0, -8.0, 0.0), &Vector3::zeros());
         assert!((busy.thruster_torque.x - 0.45).abs() < 1e-15);
         assert!((busy.missing_torque.x - 0.35).abs() < 1e-15);
     }
 
     #[test]
-    fn direct_allocation_is_what_was_asked_for() {
+    fn direct_allocation_equals_the_command() {
         let (torque, force) = (Vector3::new(1.0, -2.0, 3.0), Vector3::new(-20.0, 5.0, 0.1));
         let direct = Allocation::direct(&torque, &force);
         assert_eq!((direct.wheel_torque, direct.thruster_force), (torque, force));
@@ -243,6 +243,6 @@ mod tests {
     fn a_negative_limit_is_refused_with_the_field() {
         let mut parameters = parameters();
         parameters.lever_arm_m.y = -0.1;
-        assert_eq!(parameters.validated().unwrap_err().field, "allocation.lever_arm_m");
+        assert_eq!(parameters.validate().unwrap_err().field, "allocation.lever_arm_m");
     }
 }

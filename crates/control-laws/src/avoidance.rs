@@ -36,7 +36,7 @@ pub struct Elbow {
 }
 
 impl AvoidanceParameters {
-    pub(crate) fn validated(&self) -> Result<(), ParameterError> {
+    pub(crate) fn validate(&self) -> Result<(), ParameterError> {
         ParameterError::positive("avoidance.margin_rad", self.margin_rad)?;
         ParameterError::positive("avoidance.rate_rad_s", self.rate_rad_s)?;
         ParameterError::finite("avoidance.lower_rad", &self.lower_rad)?;
@@ -59,7 +59,7 @@ impl AvoidanceParameters {
     }
 
     /// Factor on the weight of each joint: 1 outside every margin, falling to 0 at the limit of the range and at the straight elbow.
-    pub fn fading(&self, joints: &[f64; JOINTS]) -> [f64; JOINTS] {
+    pub fn weight_factors(&self, joints: &[f64; JOINTS]) -> [f64; JOINTS] {
         std::array::from_fn(|joint| {
             let above = depth(self.upper_rad[joint] - joints[joint], self.margin_rad);
             let below = depth(joints[joint] - self.lower_rad[joint], self.margin_rad);
@@ -72,20 +72,20 @@ impl AvoidanceParameters {
     }
 
     /// The avoidance velocity before its projection into the null space; zero outside every margin.
-    pub fn wish(&self, joints: &[f64; JOINTS]) -> Dof {
-        let mut wish = Dof::zeros();
+    pub fn avoidance_velocity(&self, joints: &[f64; JOINTS]) -> Dof {
+        let mut velocity = Dof::zeros();
         for joint in 0..JOINTS {
             let above = depth(self.upper_rad[joint] - joints[joint], self.margin_rad);
             let below = depth(joints[joint] - self.lower_rad[joint], self.margin_rad);
-            wish[6 + joint] = self.rate_rad_s * (below * below - above * above);
+            velocity[6 + joint] = self.rate_rad_s * (below * below - above * above);
         }
         if let Some(elbow) = self.elbow {
             let angle = joints[elbow.joint];
             let into = depth(angle.abs(), elbow.margin_rad);
             // away from zero; a perfectly straight elbow bends to the positive side
-            wish[6 + elbow.joint] += elbow.rate_rad_s * into * into * if angle < 0.0 { -1.0 } else { 1.0 };
+            velocity[6 + elbow.joint] += elbow.rate_rad_s * into * into * if angle < 0.0 { -1.0 } else { 1.0 };
         }
-        wish
+        velocity
     }
 }
 
@@ -113,20 +113,23 @@ mod tests {
     }
 
     #[test]
-    fn only_joints_in_a_margin_are_turned_back() {
-        let wish = parameters().wish(&[0.0, 1.59, 1.9, 0.5, -2.0, -2.5, 1.0]);
-        assert_eq!(wish.fixed_rows::<8>(0), Dof::zeros().fixed_rows::<8>(0));
-        assert!(wish[8] < 0.0 && wish[8] > -0.1);
-        assert_eq!((wish[9], wish[12]), (0.0, 0.0));
-        assert_eq!(wish[10], 0.1);
-        assert!(wish[11] > 0.1 && wish[11] <= 0.4, "beyond the end more, but bounded");
+    fn avoidance_moves_only_joints_in_a_margin() {
+        let velocity = parameters().avoidance_velocity(&[0.0, 1.59, 1.9, 0.5, -2.0, -2.5, 1.0]);
+        assert_eq!(velocity.fixed_rows::<8>(0), Dof::zeros().fixed_rows::<8>(0));
+        assert!(velocity[8] < 0.0 && velocity[8] > -0.1);
+        assert_eq!((velocity[9], velocity[12]), (0.0, 0.0));
+        assert_eq!(velocity[10], 0.1);
+        assert!(
+            velocity[11] > 0.1 && velocity[11] <= 0.4,
+            "beyond the end more, but bounded"
+        );
     }
 
     #[test]
-    fn weights_fade_to_nothing_at_an_end_and_at_the_straight_elbow() {
-        let fading = parameters().fading(&[0.0, 1.8, 2.0, 0.15, -2.5, -1.9, 1.0]);
-        for (factor, expected) in fading.into_iter().zip([1.0, 0.5, 0.0, 0.5, 0.0, 0.25, 1.0]) {
-            assert!((factor - expected).abs() < 1e-12, "{fading:?}");
+    fn weights_vanish_at_limits_and_at_the_straight_elbow() {
+        let weight_factors = parameters().weight_factors(&[0.0, 1.8, 2.0, 0.15, -2.5, -1.9, 1.0]);
+        for (factor, expected) in weight_factors.into_iter().zip([1.0, 0.5, 0.0, 0.5, 0.0, 0.25, 1.0]) {
+            assert!((factor - expected).abs() < 1e-12, "{weight_factors:?}");
         }
     }
 
@@ -135,17 +138,17 @@ mod tests {
         for (angle, sign) in [(0.1, 1.0), (-0.1, -1.0), (0.0, 1.0)] {
             let mut joints = [0.5; JOINTS];
             joints[3] = angle;
-            assert!(parameters().wish(&joints)[9] * sign > 0.0, "{angle}");
+            assert!(parameters().avoidance_velocity(&joints)[9] * sign > 0.0, "{angle}");
         }
     }
 
     #[test]
-    fn ranges_that_leave_no_room_are_refused_with_the_field() {
+    fn too_narrow_ranges_are_rejected_with_the_field() {
         let mut narrow = parameters();
         narrow.upper_rad[2] = -1.3;
-        assert_eq!(narrow.validated().unwrap_err().field, "avoidance.upper_rad");
+        assert_eq!(narrow.validate().unwrap_err().field, "avoidance.upper_rad");
         let mut elbow = parameters();
         elbow.elbow.as_mut().unwrap().joint = 7;
-        assert_eq!(elbow.validated().unwrap_err().field, "avoidance.elbow.joint");
+        assert_eq!(elbow.validate().unwrap_err().field, "avoidance.elbow.joint");
     }
 }

@@ -170,7 +170,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_held_input_gives_the_solution_of_the_differential_equation(
+        fn filter_solves_its_equation_exactly_for_held_input(
             frequency_rad_s in 0.5..20.0,
             damping in prop_oneof![0.05..3.0, Just(1.0), 0.999_999..1.000_001],
             period_s in 1e-3..0.1,
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn it_starts_from_the_first_input_at_rest() {
+    fn filter_starts_from_the_first_input_at_rest() {
         let mut filter = ShapingFilter::new(&FilterParameters::default(), 0.01).unwrap();
         let input = Dof::from_fn(|channel, _| channel as f64 - 4.0);
         for _ in 0..20 {
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_useless_filter_is_refused_with_the_field() {
+    fn invalid_filter_parameter_is_rejected_with_the_field() {
         let refuse = |frequency_rad_s, damping, period_s| {
             ShapingFilter::new(
                 &FilterParameters {

@@ -6,7 +6,7 @@ use crate::model::ControlModel;
 use crate::outer::{AttitudeError, AttitudeState, OuterInput, OuterLoop, OuterParameters};
 use crate::tracker::{Tracker, TrackerParameters, TrackerState};
 use crate::{DOF, Dof, JOINTS, Measured, ParameterError};
-use guidance_laws::{Between, Pose, SetPoint};
+use guidance_laws::{InterSample, Pose, SetPoint};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ pub struct Parameters {
     /// Shaping filter and inner loop.
     pub tracker: TrackerParameters,
     /// Set-point handling between two samples of the guidance.
-    pub between: Between,
+    pub inter_sample: InterSample,
     /// Avoidance of joint limits and of the straight elbow; `None` as in the paper.
     pub avoidance: Option<AvoidanceParameters>,
     /// Allocation of the base torque to wheels and thrusters; `None` as in the paper.
@@ -31,7 +31,7 @@ impl Parameters {
         Self {
             outer: OuterParameters::default(),
             tracker,
-            between: Between::default(),
+            inter_sample: InterSample::default(),
             avoidance: None,
             allocation: None,
         }
@@ -120,10 +120,10 @@ impl HierarchicalLaw {
     /// Names the parameter that is out of range, its value and the allowed range.
     pub fn new(model: ControlModel, parameters: Parameters) -> Result<Self, ParameterError> {
         if let Some(avoidance) = &parameters.avoidance {
-            avoidance.validated()?;
+            avoidance.validate()?;
         }
         if let Some(allocation) = &parameters.allocation {
-            allocation.validated()?;
+            allocation.validate()?;
         }
         Ok(Self {
             parameters,
@@ -173,10 +173,10 @@ impl HierarchicalLaw {
         let end_effector = self.tracker.model().end_effector(measured);
         let set_point = input
             .set_point
-            .map(|set_point| self.parameters.between.apply(&set_point, input.set_point_age_s));
+            .map(|set_point| self.parameters.inter_sample.apply(&set_point, input.set_point_age_s));
         let joint_factor = match &self.parameters.avoidance {
             None => [1.0; JOINTS],
-            Some(avoidance) => avoidance.fading(&measured.joints),
+            Some(avoidance) => avoidance.weight_factors(&measured.joints),
         };
         let outer = self.outer.step(&OuterInput {
             end_effector: &end_effector.pose,
@@ -186,7 +186,9 @@ impl HierarchicalLaw {
             set_point: set_point.as_ref(),
         });
         let avoidance = self.parameters.avoidance.map_or(Dof::zeros(), |avoidance| {
-            outer.inverse.null_space(&avoidance.wish(&measured.joints))
+            outer
+                .inverse
+                .null_space(&avoidance.avoidance_velocity(&measured.joints))
         });
         let virtual_velocity = outer.velocity + avoidance;
         let tracking = self.tracker.step(measured, &virtual_velocity);

@@ -10,7 +10,7 @@
 //! | [`model`] | the control model: kinematics of the end effector and the feed-forward force |
 //! | [`avoidance`] | avoidance of joint limits and of the straight elbow, in the null space |
 //! | [`allocation`] | allocation of the base's torque to wheels and thrusters |
-//! | [`mod@reference`] | the comparison law: separate set-points for base and arm |
+//! | [`comparison`] | the comparison law: separate set-points for base and arm |
 //! | [`stabilise`] | after the capture: servicer and target brought to rest within every limit |
 //!
 //! # Conventions
@@ -30,6 +30,7 @@
 
 pub mod allocation;
 pub mod avoidance;
+pub mod comparison;
 mod dof;
 pub mod filter;
 pub mod hierarchical;
@@ -37,14 +38,13 @@ pub mod inner;
 mod measured;
 pub mod model;
 pub mod outer;
-pub mod reference;
 pub mod stabilise;
 pub mod tracker;
 
+pub use comparison::ComparisonLaw;
 pub use dof::{DOF, Dof, JOINTS, Jacobian, Matrix13, Twist};
 pub use guidance_laws::ParameterError;
 pub use hierarchical::HierarchicalLaw;
 pub use measured::Measured;
 pub use model::{ControlModel, ModelOptions, Payload};
-pub use reference::ReferenceLaw;
 pub use stabilise::StabilisingLaw;

@@ -68,7 +68,7 @@ pub struct Telemetry {
     /// The factor α: 1 while no limit is active.
     pub factor: f64,
     /// The limit that determines the factor.
-    pub held_by: HeldBy,
+    pub active_limit: ActiveLimit,
     /// Wrench of the gripper on the target, `[torque; force]` about the end effector's origin in its axes, N m and N.
     pub gripper: Twist,
     /// Kinetic energy of the stack, J.
@@ -86,9 +86,9 @@ pub struct Telemetry {
 
 /// The active limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HeldBy {
+pub enum ActiveLimit {
     /// None.
-    Nothing,
+    None,
     /// The limit of a channel of the command: its index in the generalised force.
     Channel(usize),
     /// The torque in the gripper.
@@ -136,7 +136,7 @@ impl StabilisingLaw {
         ParameterError::positive("rest_rate_rad_s", parameters.rest_rate_rad_s)?;
         ParameterError::positive("rest_speed_m_s", parameters.rest_speed_m_s)?;
         if let Some(allocation) = &parameters.allocation {
-            allocation.validated()?;
+            allocation.validate()?;
         }
         Ok(Self {
             parameters,
@@ -187,13 +187,13 @@ impl StabilisingLaw {
             };
             -rate * measured.velocity[row]
         });
-        let (bias, slope) = affine(&self.stack, measured, &brake);
-        let (servicer_bias, servicer_slope) = affine(&self.servicer, measured, &brake);
+        let (bias, slope) = bias_and_slope(&self.stack, measured, &brake);
+        let (servicer_bias, servicer_slope) = bias_and_slope(&self.servicer, measured, &brake);
         let arm = self.stack.end_effector(measured).jacobian;
         let gripper_bias = gripper_wrench(&arm, &(bias - servicer_bias));
         let gripper_slope = gripper_wrench(&arm, &(slope - servicer_slope));
 
-        let (factor, held_by) = self.largest_factor(&bias, &slope, &gripper_bias, &gripper_slope);
+        let (factor, active_limit) = self.largest_factor(&bias, &slope, &gripper_bias, &gripper_slope);
         let force = (bias + slope * factor).zip_map(&parameters.limits, |value, limit| value.clamp(-limit, limit));
         let momentum = self.stack.momentum(measured);
         let at_rest = self.at_rest(&measured.velocity);
@@ -209,7 +209,7 @@ impl StabilisingLaw {
             allocation: Allocation::of(parameters.allocation.as_ref(), &force, &input.wheel_momentum),
             telemetry: Telemetry {
                 factor,
-                held_by,
+                active_limit,
                 gripper: gripper_bias + gripper_slope * factor,
                 kinetic_energy_j: 0.5 * momentum.dot(&measured.velocity),
                 wheel_momentum_at_rest,
@@ -229,18 +229,24 @@ impl StabilisingLaw {
     }
 
     /// The largest α in [0, 1] that respects every limit, and the active limit.
-    fn largest_factor(&self, bias: &Dof, slope: &Dof, gripper_bias: &Twist, gripper_slope: &Twist) -> (f64, HeldBy) {
+    fn largest_factor(
+        &self,
+        bias: &Dof,
+        slope: &Dof,
+        gripper_bias: &Twist,
+        gripper_slope: &Twist,
+    ) -> (f64, ActiveLimit) {
         let Parameters {
             limits,
             gripper_force_n,
             gripper_torque_nm,
             ..
         } = &self.parameters;
-        let channels = (0..DOF).map(|row| (linear(bias[row], slope[row], limits[row]), HeldBy::Channel(row)));
+        let channels = (0..DOF).map(|row| (linear(bias[row], slope[row], limits[row]), ActiveLimit::Channel(row)));
         let part = |wrench: &Twist, first: usize| wrench.fixed_rows::<3>(first).into_owned();
         let gripper = [
-            (0, *gripper_torque_nm, HeldBy::GripperTorque),
-            (3, *gripper_force_n, HeldBy::GripperForce),
+            (0, *gripper_torque_nm, ActiveLimit::GripperTorque),
+            (3, *gripper_force_n, ActiveLimit::GripperForce),
         ]
         .map(|(first, limit, by)| {
             (
@@ -249,14 +255,14 @@ impl StabilisingLaw {
             )
         });
         channels.chain(gripper).fold(
-            (1.0, HeldBy::Nothing),
+            (1.0, ActiveLimit::None),
             |best, next| if next.0 < best.0 { next } else { best },
         )
     }
 }
 
 /// Bias `C ν` and slope `M b` of the force with respect to a factor on the acceleration `b`.
-fn affine(model: &ControlModel, measured: &Measured, acceleration: &Dof) -> (Dof, Dof) {
+fn bias_and_slope(model: &ControlModel, measured: &Measured, acceleration: &Dof) -> (Dof, Dof) {
     let bias = model.force(measured, &measured.velocity, &Dof::zeros());
     let both = model.force(measured, &measured.velocity, acceleration);
     (bias, both - bias)
@@ -265,15 +271,15 @@ fn affine(model: &ControlModel, measured: &Measured, acceleration: &Dof) -> (Dof
 /// The wrench at the end effector equivalent to a difference in generalised force: its base part is `J_Bᵀ w`, and `J_B` is regular.
 fn gripper_wrench(jacobian: &crate::Jacobian, difference: &Dof) -> Twist {
     let base = jacobian.fixed_columns::<6>(0).transpose();
-    let wanted: Twist = difference.fixed_rows::<6>(0).into_owned();
+    let base_part: Twist = difference.fixed_rows::<6>(0).into_owned();
     // a rotation and a lever arm: never singular
-    base.lu().solve(&wanted).unwrap_or(Twist::repeat(f64::NAN))
+    base.lu().solve(&base_part).unwrap_or(Twist::repeat(f64::NAN))
 }
 
 /// The largest α with `|bias + α slope| ≤ limit`; zero if there is none.
 fn linear(bias: f64, slope: f64, limit: f64) -> f64 {
     if slope == 0.0 {
-        return f64::INFINITY; // this channel has no say
+        return f64::INFINITY; // this channel never limits the factor
     }
     ((limit.copysign(slope) - bias) / slope).max(0.0)
 }
@@ -298,7 +304,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_largest_factor_is_on_the_limit_and_the_ones_below_are_within(
+        fn largest_factor_reaches_the_limit_and_smaller_stay_within(
             bias in proptest::array::uniform3(-1.0..1.0), slope in proptest::array::uniform3(-5.0..5.0), limit in 0.1..3.0f64, part in 0.0..1.0f64,
         ) {
             let (bias, slope) = (Vector3::from(bias), Vector3::from(slope));
@@ -317,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_slope_a_limit_has_no_say_and_beyond_it_nothing_helps() {
+    fn zero_slope_never_limits_and_exceeding_bias_gives_zero() {
         assert_eq!(linear(0.5, 0.0, 1.0), f64::INFINITY);
         assert_eq!(quadratic(&Vector3::zeros(), &Vector3::zeros(), 1.0), f64::INFINITY);
         assert_eq!(linear(2.0, 1.0, 1.0), 0.0);

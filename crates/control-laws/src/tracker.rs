@@ -14,7 +14,7 @@ pub struct TrackerParameters {
     /// The command-shaping filter.
     pub filter: FilterParameters,
     /// Velocity that is fed back and enters `C ṽ`.
-    pub followed: Followed,
+    pub followed: TrackedVelocity,
     /// Gains of the inner loop.
     pub gains: Gains,
     /// Feedback law.
@@ -23,7 +23,7 @@ pub struct TrackerParameters {
 
 /// Velocity that the inner loop follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Followed {
+pub enum TrackedVelocity {
     /// The virtual velocity from the outer loop, as in the paper.
     #[default]
     Raw,
@@ -58,7 +58,7 @@ pub struct Tracking {
 pub(crate) struct Tracker {
     model: ControlModel,
     filter: ShapingFilter,
-    followed: Followed,
+    followed: TrackedVelocity,
     inner: InnerLoop,
 }
 
@@ -96,8 +96,8 @@ impl Tracker {
     pub(crate) fn step(&mut self, measured: &Measured, velocity: &Dof) -> Tracking {
         let filtered = self.filter.step(velocity);
         let followed = match self.followed {
-            Followed::Raw => velocity,
-            Followed::Filtered => &filtered.velocity,
+            TrackedVelocity::Raw => velocity,
+            TrackedVelocity::Filtered => &filtered.velocity,
         };
         let error = followed - measured.velocity;
         if self.inner.is_scheduled() {

@@ -25,7 +25,7 @@ fn errors() -> impl Strategy<Value = Vec<Dof>> {
 }
 
 /// A symmetric positive definite matrix: a diagonal plus smaller off-diagonal entries.
-fn coupled(diagonal: &Dof, coupling: f64) -> Matrix13 {
+fn coupled_matrix(diagonal: &Dof, coupling: f64) -> Matrix13 {
     Matrix13::from_fn(|row, column| {
         let mean = (diagonal[row] * diagonal[column]).sqrt();
         if row == column {
@@ -77,10 +77,10 @@ proptest! {
     }
 
     #[test]
-    fn below_saturation_it_is_the_pi_law_to_the_last_bit(
+    fn integrator_below_saturation_is_the_pi_law_bit_for_bit(
         kp in channels(0.1..500.0), ki in channels(0.0..500.0), coupling in prop_oneof![Just(0.0), 0.05..0.15], errors in errors(),
     ) {
-        let gains = Gains::full(coupled(&kp, coupling), coupled(&ki, coupling));
+        let gains = Gains::full(coupled_matrix(&kp, coupling), coupled_matrix(&ki, coupling));
         let law = conditional(Bound::Scalar(1e9), Discretisation::Exact);
         let bounded = InnerLoop::new(gains, &law, 0.01);
         prop_assume!(bounded.is_ok()); // couplings whose step may have several solutions are refused
@@ -93,7 +93,7 @@ proptest! {
     }
 
     #[test]
-    fn the_fixed_point_of_full_matrices_is_the_closed_form_when_they_are_nearly_diagonal(
+    fn fixed_point_matches_closed_form_for_near_diagonal_gains(
         kp in channels(0.5..500.0), ki in channels(0.1..200.0), bound in channels(0.01..100.0), errors in errors(),
     ) {
         let law = conditional(Bound::PerChannel(bound), Discretisation::Exact);
@@ -115,7 +115,7 @@ proptest! {
     fn full_matrices_satisfy_the_implicit_equation(
         kp in channels(1.0..300.0), ki in channels(0.1..100.0), coupling in 0.05..0.15, bound in channels(0.1..50.0), errors in errors(),
     ) {
-        let (kp, ki) = (coupled(&kp, coupling), coupled(&ki, coupling));
+        let (kp, ki) = (coupled_matrix(&kp, coupling), coupled_matrix(&ki, coupling));
         let law = conditional(Bound::PerChannel(bound), Discretisation::Exact);
         let mut inner = InnerLoop::new(Gains::full(kp, ki), &law, 0.01).unwrap();
         for error in errors {
@@ -137,8 +137,8 @@ proptest! {
         masses in channels(0.1..500.0), coupling in 0.05..0.15, x in channels(0.5..20.0), ki in channels(0.1..100.0),
         bound in channels(0.1..50.0), errors in errors(),
     ) {
-        let mass = coupled(&masses, coupling);
-        let x = coupled(&x, 0.1);
+        let mass = coupled_matrix(&masses, coupling);
+        let x = coupled_matrix(&x, 0.1);
         let mut like_mass = InnerLoop::new(
             Gains::scheduled(Matrix13::identity() * 3.0, &ki), &FeedbackLaw::Proportional, 0.01,
         ).unwrap();
@@ -207,7 +207,7 @@ proptest! {
     }
 
     #[test]
-    fn both_discretisations_follow_the_differential_equation_as_the_period_shrinks(
+    fn discretisations_converge_to_the_differential_equation(
         kp in channels(1.0..100.0), ratio in channels(0.1..3.0), bound in channels(0.1..10.0),
     ) {
         let gains = Gains::diagonal(&kp, &kp.component_mul(&ratio));
@@ -231,7 +231,10 @@ proptest! {
 /// Two channels with T K_I / K_P of about 18 and 14, and eleven with small values: here the fixed-point iteration never converges.
 #[test]
 fn step_is_solved_where_the_fixed_point_diverges() {
-    let (mass, x) = (coupled(&Dof::repeat(0.1), 0.05), coupled(&Dof::repeat(0.5), 0.1));
+    let (mass, x) = (
+        coupled_matrix(&Dof::repeat(0.1), 0.05),
+        coupled_matrix(&Dof::repeat(0.5), 0.1),
+    );
     let mut ki = Dof::repeat(0.1);
     (ki[11], ki[12]) = (92.142_731_884_197_83, 68.227_139_140_897_69);
     let mut error = Dof::zeros();
@@ -297,7 +300,7 @@ fn forward_euler_leaves_the_bound_where_the_exact_step_does_not() {
 }
 
 #[test]
-fn after_a_long_saturation_the_feedback_reverses_at_once_and_the_pi_law_does_not() {
+fn feedback_reverses_at_once_after_saturation_but_pi_lags() {
     let gains = Gains::diagonal(&Dof::repeat(2.0), &Dof::repeat(1.0));
     let recovery = |law| {
         let mut inner = InnerLoop::new(gains, &law, 0.01).unwrap();
@@ -313,7 +316,7 @@ fn after_a_long_saturation_the_feedback_reverses_at_once_and_the_pi_law_does_not
 }
 
 #[test]
-fn the_proportional_law_remembers_nothing() {
+fn proportional_law_has_no_state() {
     let gains = Gains::diagonal(&Dof::repeat(2.0), &Dof::repeat(1.0));
     let mut inner = InnerLoop::new(gains, &FeedbackLaw::Proportional, 0.01).unwrap();
     for _ in 0..10 {

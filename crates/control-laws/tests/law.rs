@@ -6,8 +6,8 @@ mod plant;
 
 use control_laws::avoidance::AvoidanceParameters;
 use control_laws::outer::ArmWeight;
-use control_laws::{Dof, HierarchicalLaw, Measured, ReferenceLaw, hierarchical, reference};
-use guidance_laws::{Between, Pose, SetPoint, so3};
+use control_laws::{ComparisonLaw, Dof, HierarchicalLaw, Measured, comparison, hierarchical};
+use guidance_laws::{InterSample, Pose, SetPoint, so3};
 use nalgebra::Vector3;
 use plant::Plant;
 use plant::loops::{baseline, model, tracker};
@@ -61,7 +61,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn the_virtual_velocity_gives_the_end_effector_the_twist_that_removes_its_errors(
+    fn virtual_velocity_gives_the_error_removing_twist(
         measured in measured(), set_point in set_point(),
     ) {
         let mut law = law();
@@ -96,7 +96,7 @@ proptest! {
     }
 
     #[test]
-    fn without_a_set_point_the_end_effector_is_held_and_nothing_is_nan(measured in measured()) {
+    fn missing_set_point_holds_the_end_effector_without_nan(measured in measured()) {
         let mut law = law();
         let output = law.step(&input(Some(measured), None)).unwrap();
         let t = &output.telemetry;
@@ -128,36 +128,36 @@ proptest! {
     fn a_restored_comparison_law_continues_with_the_same_bits(
         path in proptest::collection::vec((measured(), set_point(), proptest::option::of(set_point())), 12), split in 1_usize..12,
     ) {
-        let parameters = reference::Parameters::new(tracker(0.01));
-        let at = |(measured, end_effector, base): &(Measured, SetPoint, Option<SetPoint>)| reference::Input {
+        let parameters = comparison::Parameters::new(tracker(0.01));
+        let at = |(measured, end_effector, base): &(Measured, SetPoint, Option<SetPoint>)| comparison::Input {
             measured: Some(*measured),
             end_effector: Some(*end_effector),
             base: *base,
             set_point_age_s: 0.004,
             wheel_momentum: Vector3::zeros(),
         };
-        let mut whole = ReferenceLaw::new(model(), parameters).unwrap();
+        let mut whole = ComparisonLaw::new(model(), parameters).unwrap();
         for instant in &path[..split] {
             whole.step(&at(instant));
         }
-        let mut restored = ReferenceLaw::from_state(model(), parameters, &whole.state()).unwrap();
+        let mut restored = ComparisonLaw::from_state(model(), parameters, &whole.state()).unwrap();
         for instant in &path[split..] {
             prop_assert_eq!(restored.step(&at(instant)), whole.step(&at(instant)));
         }
     }
 
     #[test]
-    fn the_comparison_law_gives_base_and_end_effector_the_twists_they_ask_for(
+    fn comparison_law_gives_both_frames_their_commanded_twists(
         measured in measured(), end_effector in set_point(), base in set_point(),
     ) {
-        let mut parameters = reference::Parameters::new(tracker(0.01));
+        let mut parameters = comparison::Parameters::new(tracker(0.01));
         parameters.least_squares_damping = 1e-6;
-        let mut law = ReferenceLaw::new(model(), parameters).unwrap();
+        let mut law = ComparisonLaw::new(model(), parameters).unwrap();
         let end = law.model().end_effector(&measured);
         // away from singular arm configurations the damping has no effect
         let arm = end.jacobian.fixed_columns::<7>(6).into_owned();
         prop_assume!((arm * arm.transpose()).determinant() > 1e-4);
-        let output = law.step(&reference::Input {
+        let output = law.step(&comparison::Input {
             measured: Some(measured),
             end_effector: Some(end_effector),
             base: Some(base),
@@ -174,7 +174,7 @@ proptest! {
 }
 
 #[test]
-fn nothing_measured_is_nothing_commanded_and_nothing_remembered() {
+fn missing_measurement_gives_no_command_and_changes_no_state() {
     let mut law = law();
     let before = law.state();
     let goal = Plant::new(1.0, 1.0).end_effector();
@@ -183,30 +183,30 @@ fn nothing_measured_is_nothing_commanded_and_nothing_remembered() {
 }
 
 #[test]
-fn messages_of_zeros_are_nothing_received() {
+fn zero_messages_count_as_not_received() {
     assert!(Measured::from_raw([0.0; 3], [0.0; 4], [0.0; 7], [0.0; 13]).is_none());
     assert!(Measured::from_raw([0.0; 3], [1.0, 0.0, 0.0, 0.0], [f64::NAN; 7], [0.0; 13]).is_none());
     assert!(Measured::from_raw([0.0; 3], [1.0, 0.0, 0.0, 0.0], [0.0; 7], [0.0; 13]).is_some());
 }
 
 #[test]
-fn a_set_point_between_guidance_samples_is_moved_on_or_held() {
+fn set_point_between_samples_is_propagated_or_held() {
     let measured = Plant::new(1.0, 1.0).measured();
     let mut set_point = Plant::new(1.0, 1.0).end_effector();
     set_point.velocity = Vector3::new(0.1, 0.0, -0.05);
     set_point.rate = Vector3::new(0.0, 0.2, 0.0);
-    let error = |between| {
+    let error = |inter_sample| {
         let mut parameters = baseline();
-        parameters.between = between;
+        parameters.inter_sample = inter_sample;
         let mut law = HierarchicalLaw::new(model(), parameters).unwrap();
         let mut input = input(Some(measured), Some(set_point));
         input.set_point_age_s = 0.1;
         let telemetry = law.step(&input).unwrap().telemetry;
         (telemetry.position_error, telemetry.attitude_error.angle_rad())
     };
-    let (position, angle) = error(Between::Propagate);
+    let (position, angle) = error(InterSample::Propagate);
     assert!((position + Vector3::new(0.01, 0.0, -0.005)).norm() < 1e-12 && (angle - 0.02).abs() < 1e-12);
-    let (position, angle) = error(Between::Hold);
+    let (position, angle) = error(InterSample::Hold);
     assert!(position.norm() < 1e-12 && angle < 1e-12);
 }
 
@@ -242,7 +242,7 @@ fn a_clamped_epsilon_is_reported_and_the_arm_rests() {
 }
 
 #[test]
-fn parameters_out_of_range_are_refused_with_field_value_and_remedy() {
+fn out_of_range_parameters_are_rejected_with_remedy() {
     let refused = |change: fn(&mut hierarchical::Parameters)| {
         let mut parameters = baseline();
         change(&mut parameters);
@@ -259,8 +259,8 @@ fn parameters_out_of_range_are_refused_with_field_value_and_remedy() {
         "outer.weights.arm"
     );
     assert_eq!(refused(|p| p.tracker.filter.damping = f64::NAN).field, "filter.damping");
-    let mut comparison = reference::Parameters::new(tracker(0.01));
+    let mut comparison = comparison::Parameters::new(tracker(0.01));
     comparison.least_squares_damping = 0.0;
-    let error = ReferenceLaw::new(model(), comparison).unwrap_err();
+    let error = ComparisonLaw::new(model(), comparison).unwrap_err();
     assert_eq!(error.field, "least_squares_damping");
 }

@@ -11,7 +11,7 @@ use multibody::Inertia;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use plant::{DEGREE, Plant, description};
 
-fn bare() -> ModelOptions {
+fn options_without_motor_inertia() -> ModelOptions {
     ModelOptions {
         motor_inertia_kg_m2: [0.0; 7],
         ..ModelOptions::default()
@@ -32,8 +32,8 @@ fn mass_diagonal(model: &ControlModel) -> Dof {
 
 /// Reference values of an independent model of the same description, propellant frozen, no motor inertia.
 #[test]
-fn the_baseline_has_the_mass_properties_of_the_independent_model() {
-    let model = model(&bare());
+fn baseline_mass_properties_match_the_independent_model() {
+    let model = model(&options_without_motor_inertia());
     let expected = [
         97.793, 116.876, 73.232, 450.2, 450.2, 450.2, 0.50942, 4.45255, 1.24572, 1.37253, 0.05952, 0.12018, 0.00281,
     ];
@@ -50,14 +50,14 @@ fn the_baseline_has_the_mass_properties_of_the_independent_model() {
 
 #[test]
 fn motor_inertia_replaces_and_mismatch_scales() {
-    let plain = mass_diagonal(&model(&bare()));
+    let plain = mass_diagonal(&model(&options_without_motor_inertia()));
     let geared = mass_diagonal(&model(&ModelOptions::default()));
     for joint in 6..13 {
         assert!((geared[joint] - plain[joint] - 0.1).abs() < 1e-12);
     }
     let heavy = mass_diagonal(&model(&ModelOptions {
         mass_factor: 1.2,
-        ..bare()
+        ..options_without_motor_inertia()
     }));
     assert!((heavy - plain * 1.2).amax() < 1e-10);
     let base = mass_diagonal(&model(&ModelOptions {
@@ -66,7 +66,7 @@ fn motor_inertia_replaces_and_mismatch_scales() {
             mass_factor: 1.1,
             inertia_factor: 1.5,
         }],
-        ..bare()
+        ..options_without_motor_inertia()
     }));
     // 400 kg of bus and its inertia about the centre, where B is
     assert!((base[3] - plain[3] - 40.0).abs() < 1e-9);
@@ -75,8 +75,13 @@ fn motor_inertia_replaces_and_mismatch_scales() {
 }
 
 #[test]
-fn the_propellant_is_a_lump_or_left_out() {
-    let mass = |propellant| mass_diagonal(&model(&ModelOptions { propellant, ..bare() }))[3];
+fn propellant_is_a_rigid_mass_or_left_out() {
+    let mass = |propellant| {
+        mass_diagonal(&model(&ModelOptions {
+            propellant,
+            ..options_without_motor_inertia()
+        }))[3]
+    };
     assert!((mass(Propellant::Frozen) - 450.2).abs() < 1e-9);
     assert!((mass(Propellant::Ignored) - (450.2 - 10.61)).abs() < 1e-9);
 }
@@ -95,10 +100,10 @@ fn a_payload_adds_its_momentum() {
         },
     };
     let (alone, loaded) = (
-        model(&bare()),
+        model(&options_without_motor_inertia()),
         model(&ModelOptions {
             payload: Some(payload),
-            ..bare()
+            ..options_without_motor_inertia()
         }),
     );
     let mut measured = start();
@@ -124,7 +129,7 @@ fn a_payload_adds_its_momentum() {
 
 #[test]
 fn the_jacobian_is_the_derivative_of_the_pose() {
-    let model = model(&bare());
+    let model = model(&options_without_motor_inertia());
     let mut measured = start();
     measured.base.attitude = so3::exp(&Vector3::new(0.4, -0.3, 0.2));
     measured.joints = std::array::from_fn(|joint| 0.3 * joint as f64 - 0.8);
@@ -154,42 +159,44 @@ fn the_jacobian_is_the_derivative_of_the_pose() {
 }
 
 #[test]
-fn the_plant_and_the_model_put_the_end_effector_at_the_same_place() {
+fn plant_and_model_agree_on_the_end_effector_pose() {
     let mut plant = Plant::new(1.2, 1.0);
     plant.state.quat_nb = multibody::Quaternion::exp(&Vector3::new(0.1, 0.5, -0.2));
     plant.state.q[2] = 30.0 * DEGREE;
     let (truth, believed) = (
         plant.end_effector().pose,
-        model(&bare()).end_effector(&plant.measured()).pose,
+        model(&options_without_motor_inertia())
+            .end_effector(&plant.measured())
+            .pose,
     );
     assert!((truth.position - believed.position).norm() < 1e-14);
     assert!(truth.attitude.angle_to(&believed.attitude) < 1e-12);
 }
 
 #[test]
-fn what_does_not_fit_the_description_is_refused_by_name() {
+fn options_that_do_not_fit_are_rejected_by_name() {
     let refused = |options: ModelOptions| ControlModel::new(&description(), &options).unwrap_err();
     let error = refused(ModelOptions {
         end_effector: "hand".to_owned(),
-        ..bare()
+        ..options_without_motor_inertia()
     });
     assert!(
         error.to_string().contains("hand") && error.to_string().contains("end_effector"),
         "{error}"
     );
-    let mut order = bare();
+    let mut order = options_without_motor_inertia();
     order.arm_joints.swap(0, 1);
     assert!(matches!(refused(order), ModelError::JointOrder { .. }));
-    let mut unknown = bare();
+    let mut unknown = options_without_motor_inertia();
     unknown.arm_joints[6] = "A8".to_owned();
     let error = refused(unknown).to_string();
     assert!(error.contains("`A8`") && error.contains("A1, A2"), "{error}");
-    let mut inertia = bare();
+    let mut inertia = options_without_motor_inertia();
     inertia.motor_inertia_kg_m2[2] = -0.1;
     assert!(refused(inertia).to_string().contains("A3"));
     let factor = refused(ModelOptions {
         mass_factor: f64::NAN,
-        ..bare()
+        ..options_without_motor_inertia()
     });
     assert!(factor.to_string().contains("NaN"), "{factor}");
 }

@@ -64,7 +64,7 @@ impl Drift {
         })
     }
 
-    fn picture(&mut self, stamp_s: f64, truth: &Pose) -> CameraPose {
+    fn measure(&mut self, stamp_s: f64, truth: &Pose) -> CameraPose {
         let seen = Pose {
             position: truth.position + self.position,
             attitude: truth.attitude * so3::exp(&self.attitude),
@@ -78,7 +78,7 @@ impl Drift {
 }
 
 /// Runs with camera and filter, or (`filtered` false) directly from the camera with the rate from differences.
-fn through_camera(seed: u64, filtered: bool) -> Figures {
+fn run_with_camera(seed: u64, filtered: bool) -> Figures {
     let mut navigation = navigation();
     let mut guidance = CaptureGuidance::new(capture::Parameters {
         schedule: Schedule::CLOSE,
@@ -89,7 +89,7 @@ fn through_camera(seed: u64, filtered: bool) -> Figures {
     let (mut drift, mut pictures, mut sample) = (Drift::new(seed), Vec::<CameraPose>::new(), 0);
     let step = |time_s: f64, plant: &Plant| -> Dof {
         if sample % 10 == 0 {
-            pictures.push(drift.picture(time_s, &plant.target.pose));
+            pictures.push(drift.measure(time_s, &plant.target.pose));
         }
         sample += 1;
         let arrived = pictures
@@ -130,9 +130,9 @@ fn through_camera(seed: u64, filtered: bool) -> Figures {
 }
 
 #[test]
-fn the_filter_lets_the_servicer_capture_smoothly_what_a_camera_sees_late_and_wrong() {
+fn filter_captures_smoothly_with_a_late_noisy_camera() {
     for seed in 1..=5 {
-        let figures = through_camera(seed, true);
+        let figures = run_with_camera(seed, true);
         println!(
             "filtered: {:.2} mm, {:.3} deg, {:.2} mm/s, {:.3} N m, {:.2} N",
             1e3 * figures.position_error_m,
@@ -144,7 +144,7 @@ fn the_filter_lets_the_servicer_capture_smoothly_what_a_camera_sees_late_and_wro
         // no better than the camera, as its slow errors are indistinguishable from motion of the target: three sigma
         assert!(figures.position_error_m < 3.0 * 1.7 * CAMERA.position);
         assert!(figures.attitude_error_deg * DEGREE < 3.0 * 1.7 * CAMERA.attitude);
-        let raw = through_camera(seed, false);
+        let raw = run_with_camera(seed, false);
         println!(
             "raw: {:.2} mm, {:.3} deg, {:.2} mm/s, {:.3} N m, {:.2} N",
             1e3 * raw.position_error_m,

@@ -4,19 +4,19 @@ mod plant;
 
 use control_laws::inner::{Bound, Discretisation, FeedbackLaw, Gains, InnerLoop};
 use control_laws::stabilise::{self, StabilisingLaw};
-use control_laws::{Dof, HierarchicalLaw, Matrix13, ModelOptions, ReferenceLaw, hierarchical, reference};
+use control_laws::{ComparisonLaw, Dof, HierarchicalLaw, Matrix13, ModelOptions, comparison, hierarchical};
 use guidance_laws::capture::{self, CaptureGuidance, Schedule};
 use nalgebra::Vector3;
 use plant::loops::{baseline, model, tracker};
 use plant::{LIMITS, Plant, grasp};
-use testing::allocation::{Counting, taken_by};
+use testing::allocation::{Counting, allocations_during};
 use testing::random::SplitMix;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
 fn allocations(work: impl FnMut()) -> u64 {
-    taken_by(work).times
+    allocations_during(work).count
 }
 
 #[test]
@@ -33,7 +33,7 @@ fn a_step_of_any_law_allocates_nothing() {
     let ki = *scheduled.tracker.gains.ki();
     scheduled.tracker.gains = Gains::scheduled(Matrix13::identity() * 5.0, &ki.diagonal());
     let mut scheduled = HierarchicalLaw::new(model(), scheduled).unwrap();
-    let mut comparison = ReferenceLaw::new(model(), reference::Parameters::new(tracker(0.01))).unwrap();
+    let mut comparison = ComparisonLaw::new(model(), comparison::Parameters::new(tracker(0.01))).unwrap();
     let limits = Dof::from(LIMITS);
     let stabilising = stabilise::Parameters {
         rotation_1_s: 0.2,
@@ -67,7 +67,7 @@ fn a_step_of_any_law_allocates_nothing() {
                     wheel_momentum: Vector3::zeros(),
                 });
             }
-            comparison.step(&reference::Input {
+            comparison.step(&comparison::Input {
                 measured: Some(measured),
                 end_effector: set_point,
                 base: None,
@@ -85,7 +85,7 @@ fn a_step_of_any_law_allocates_nothing() {
 }
 
 /// Whether the fixed-point iteration of the saturated step, which the inner loop tries first, converges within `rounds`.
-fn settles(kp: &Matrix13, ki: &Matrix13, period_s: f64, sigma: &Dof, error: &Dof, bound: f64) -> bool {
+fn fixed_point_converges(kp: &Matrix13, ki: &Matrix13, period_s: f64, sigma: &Dof, error: &Dof, bound: f64) -> bool {
     let drive = kp.try_inverse().unwrap() * period_s;
     let carry = (Matrix13::identity() + drive * ki).try_inverse().unwrap();
     let mut next = *sigma;
@@ -123,7 +123,7 @@ fn pivoting_allocates_nothing() {
         let count = allocations(|| feedback = Some(inner.step(error)));
         assert_eq!(count, 0);
         assert!(feedback.is_some_and(|feedback| feedback.converged));
-        pivoted += usize::from(!settles(&kp, &ki, PERIOD_S, &before, error, BOUND));
+        pivoted += usize::from(!fixed_point_converges(&kp, &ki, PERIOD_S, &before, error, BOUND));
     }
     assert!(pivoted > 0, "the fixed point settled in every step");
 }

@@ -7,7 +7,7 @@ use control_laws::avoidance::{AvoidanceParameters, Elbow};
 use control_laws::inner::{Bound, Discretisation, FeedbackLaw, Gains};
 use control_laws::model::{LinkMismatch, Propellant};
 use control_laws::outer::{ArmWeight, AttitudeLaw};
-use control_laws::tracker::Followed;
+use control_laws::tracker::TrackedVelocity;
 use control_laws::{ControlModel, Dof, HierarchicalLaw, Matrix13, ModelOptions, hierarchical};
 use guidance_laws::capture::Schedule;
 use guidance_laws::{Pose, SetPoint, so3};
@@ -16,7 +16,7 @@ use plant::loops::{baseline, hierarchical_loop, model};
 use plant::{DEGREE, Figures, KI, KP, LIMITS, Plant, description, run};
 use std::collections::VecDeque;
 
-fn close_with(model: ControlModel, parameters: hierarchical::Parameters, plant: Plant) -> Figures {
+fn run_close_with(model: ControlModel, parameters: hierarchical::Parameters, plant: Plant) -> Figures {
     let law = HierarchicalLaw::new(model, parameters).unwrap();
     let mut step = hierarchical_loop(law, Schedule::CLOSE);
     let law = |time_s: f64, plant: &Plant| step(time_s, plant).force;
@@ -25,11 +25,11 @@ fn close_with(model: ControlModel, parameters: hierarchical::Parameters, plant: 
     figures
 }
 
-fn close(parameters: hierarchical::Parameters) -> Figures {
-    close_with(model(), parameters, Plant::new(1.2, 1.0))
+fn run_close(parameters: hierarchical::Parameters) -> Figures {
+    run_close_with(model(), parameters, Plant::new(1.2, 1.0))
 }
 
-fn captured(figures: &Figures) -> bool {
+fn is_captured(figures: &Figures) -> bool {
     figures.position_error_m < 5e-3 && figures.attitude_error_deg < 0.5 && figures.relative_speed_m_s < 5e-3
 }
 
@@ -61,14 +61,14 @@ fn every_inner_loop_captures() {
         let mut parameters = baseline();
         parameters.tracker.gains = gains;
         parameters.tracker.feedback = feedback;
-        let figures = close(parameters);
-        assert!(captured(&figures) && figures.saturated == 0.0, "{feedback:?}");
+        let figures = run_close(parameters);
+        assert!(is_captured(&figures) && figures.saturated == 0.0, "{feedback:?}");
     }
 }
 
 /// A thruster that leaks half a newton: the integral rejects it.
 #[test]
-fn the_integral_takes_up_a_constant_disturbance_and_the_proportional_law_does_not() {
+fn integral_rejects_constant_disturbance_proportional_does_not() {
     let leaking = |feedback| {
         let mut parameters = baseline();
         parameters.tracker.feedback = feedback;
@@ -90,29 +90,29 @@ fn every_outer_loop_captures() {
     for attitude in [AttitudeLaw::RotationMatrix, AttitudeLaw::Quaternion] {
         let mut parameters = baseline();
         parameters.outer.attitude = attitude;
-        assert!(captured(&close(parameters)), "{attitude:?}");
+        assert!(is_captured(&run_close(parameters)), "{attitude:?}");
     }
     let mut filtered = baseline();
-    filtered.tracker.followed = Followed::Filtered;
-    assert!(captured(&close(filtered)));
+    filtered.tracker.followed = TrackedVelocity::Filtered;
+    assert!(is_captured(&run_close(filtered)));
 }
 
 #[test]
-fn a_locked_joint_rests_and_the_others_make_up_for_it() {
-    let free = close(baseline());
+fn locked_joint_rests_and_the_others_compensate() {
+    let free = run_close(baseline());
     assert!(
         free.joint_high_deg[2] - free.joint_low_deg[2] > 5.0,
         "A3 moves when it may"
     );
     let mut parameters = baseline();
     parameters.outer.weights.joint_factor[2] = 0.0;
-    let locked = close(parameters);
-    assert!(captured(&locked));
+    let locked = run_close(parameters);
+    assert!(is_captured(&locked));
     assert!(locked.joint_high_deg[2] - locked.joint_low_deg[2] < 0.02);
 }
 
 #[test]
-fn masses_that_are_a_fifth_wrong_are_forgiven() {
+fn capture_tolerates_mass_errors_of_a_fifth() {
     for mass_factor in [0.8, 1.2] {
         let options = ModelOptions {
             mass_factor,
@@ -124,34 +124,34 @@ fn masses_that_are_a_fifth_wrong_are_forgiven() {
             ..ModelOptions::default()
         };
         let model = ControlModel::new(&description(), &options).unwrap();
-        let figures = close_with(model, baseline(), Plant::new(1.2, 1.0));
-        assert!(captured(&figures) && figures.saturated == 0.0, "{mass_factor}");
+        let figures = run_close_with(model, baseline(), Plant::new(1.2, 1.0));
+        assert!(is_captured(&figures) && figures.saturated == 0.0, "{mass_factor}");
     }
     let options = ModelOptions {
         propellant: Propellant::Ignored,
         ..ModelOptions::default()
     };
     let model = ControlModel::new(&description(), &options).unwrap();
-    assert!(captured(&close_with(model, baseline(), Plant::new(1.2, 1.0))));
+    assert!(is_captured(&run_close_with(model, baseline(), Plant::new(1.2, 1.0))));
 }
 
 /// Wheels with a quarter of their torque: the conditional integrator is active.
 #[test]
-fn with_weak_wheels_the_conditional_integrator_captures_better_than_the_pi_law() {
+fn conditional_integrator_beats_pi_law_with_weak_wheels() {
     let mut weak = Plant::new(1.2, 1.0);
     weak.limits[..3].fill(0.05);
     let mut parameters = baseline();
     parameters.tracker.feedback = conditional(Bound::PerChannel(Dof::from(weak.limits)), Discretisation::Exact);
-    let conditional = close_with(model(), parameters, weak.clone());
-    assert!(captured(&conditional) && conditional.wheels_over > 0.1);
+    let conditional = run_close_with(model(), parameters, weak.clone());
+    assert!(is_captured(&conditional) && conditional.wheels_over > 0.1);
     parameters.tracker.feedback = FeedbackLaw::ProportionalIntegral;
-    let plain = close_with(model(), parameters, weak);
+    let plain = run_close_with(model(), parameters, weak);
     assert!(plain.position_error_m > 5.0 * conditional.position_error_m, "wind-up");
     assert!(plain.attitude_error_deg > 5.0 * conditional.attitude_error_deg);
 }
 
 /// The command is delayed by `samples`, and the measurement by the same number.
-fn delayed(samples: usize) -> Figures {
+fn run_with_delay(samples: usize) -> Figures {
     let law = HierarchicalLaw::new(model(), baseline()).unwrap();
     let mut step = hierarchical_loop(law, Schedule::CLOSE);
     let (mut seen, mut commanded) = (VecDeque::new(), VecDeque::new());
@@ -178,10 +178,10 @@ fn delayed(samples: usize) -> Figures {
 }
 
 #[test]
-fn ten_milliseconds_each_way_are_harmless_and_fifty_lose_the_capture() {
-    let figures = delayed(1);
-    assert!(captured(&figures) && figures.saturated == 0.0);
-    assert!(!captured(&delayed(5)));
+fn capture_tolerates_10_ms_delay_each_way_but_not_50_ms() {
+    let figures = run_with_delay(1);
+    assert!(is_captured(&figures) && figures.saturated == 0.0);
+    assert!(!is_captured(&run_with_delay(5)));
 }
 
 /// An arm that carries nearly all the motion (weight 1000) and starts too near must fold: the law as printed has no joint limits.
@@ -190,8 +190,8 @@ fn avoidance_keeps_a_folding_arm_within_its_ranges_and_captures() {
     let ranges: Vec<_> = description().moving_joints().filter_map(|joint| joint.limits).collect();
     let mut parameters = baseline();
     parameters.outer.weights.arm = ArmWeight::Fixed(1000.0);
-    let printed = close_with(model(), parameters, Plant::new(0.8, 1.0));
-    assert!(captured(&printed));
+    let printed = run_close_with(model(), parameters, Plant::new(0.8, 1.0));
+    assert!(is_captured(&printed));
     assert!(
         printed.joint_high_deg[3] > 130.0 && printed.joint_high_deg[5] > 130.0,
         "of 120 degrees"
@@ -203,8 +203,8 @@ fn avoidance_keeps_a_folding_arm_within_its_ranges_and_captures() {
         rate_rad_s: 0.2,
         elbow: None,
     });
-    let avoiding = close_with(model(), parameters, Plant::new(0.8, 1.0));
-    assert!(captured(&avoiding) && avoiding.saturated == 0.0);
+    let avoiding = run_close_with(model(), parameters, Plant::new(0.8, 1.0));
+    assert!(is_captured(&avoiding) && avoiding.saturated == 0.0);
     for (joint, range) in ranges.iter().enumerate() {
         assert!(avoiding.joint_low_deg[joint] * DEGREE > range.lower, "A{}", joint + 1);
         assert!(avoiding.joint_high_deg[joint] * DEGREE < range.upper, "A{}", joint + 1);
@@ -217,7 +217,7 @@ fn avoidance_keeps_the_elbow_bent() {
     let ranges: Vec<_> = description().moving_joints().filter_map(|joint| joint.limits).collect();
     let mut parameters = baseline();
     parameters.outer.weights.arm = ArmWeight::Fixed(1e4);
-    let printed = close(parameters);
+    let printed = run_close(parameters);
     assert!(printed.joint_low_deg[3] < 1.0, "straight");
     parameters.avoidance = Some(AvoidanceParameters {
         lower_rad: std::array::from_fn(|joint| ranges[joint].lower),
@@ -230,8 +230,8 @@ fn avoidance_keeps_the_elbow_bent() {
             rate_rad_s: 0.5,
         }),
     });
-    let avoiding = close(parameters);
-    assert!(captured(&avoiding));
+    let avoiding = run_close(parameters);
+    assert!(is_captured(&avoiding));
     assert!(avoiding.joint_low_deg[3] > 8.0);
     assert!(
         avoiding.peak_torque_nm < printed.peak_torque_nm,
@@ -254,24 +254,24 @@ fn reallocation_gives_the_whole_torque_and_sheds_momentum() {
     parameters.allocation = Some(allocation);
     let law = HierarchicalLaw::new(model(), parameters).unwrap();
     let mut step = hierarchical_loop(law, Schedule::CLOSE);
-    let (mut missing, mut helped, mut momentum) = (0.0_f64, 0, Vector3::new(6.0, -6.0, 0.0));
+    let (mut missing, mut thruster_assisted_steps, mut momentum) = (0.0_f64, 0, Vector3::new(6.0, -6.0, 0.0));
     let law = |time_s: f64, plant: &Plant| {
         let force = step(time_s, plant).force;
         let torque = force.fixed_rows::<3>(0).into_owned();
-        let shared = allocation.share(&torque, &force.fixed_rows::<3>(3).into_owned(), &momentum);
-        momentum -= shared.wheel_torque * 0.01;
-        missing = missing.max(shared.missing_torque.amax());
-        helped += u32::from(shared.thruster_torque.amax() > 0.0);
+        let allocated = allocation.allocate(&torque, &force.fixed_rows::<3>(3).into_owned(), &momentum);
+        momentum -= allocated.wheel_torque * 0.01;
+        missing = missing.max(allocated.missing_torque.amax());
+        thruster_assisted_steps += u32::from(allocated.thruster_torque.amax() > 0.0);
         force
     };
     let figures = run(Plant::new(1.2, 1.0), 35.0, 30.0, 0.01, law).0;
-    assert!(captured(&figures));
-    assert!(missing < 1e-12 && helped > 1000);
+    assert!(is_captured(&figures));
+    assert!(missing < 1e-12 && thruster_assisted_steps > 1000);
     assert!(momentum.amax() < 5.0, "{momentum}");
 }
 
 /// A set-point that turns faster than the servicer can follow, and stops after 280 degrees: angle turned (deg), final error (deg), jump.
-fn turning_away(attitude: AttitudeLaw) -> (f64, f64, bool) {
+fn follow_fast_rotation(attitude: AttitudeLaw) -> (f64, f64, bool) {
     let mut parameters = baseline();
     parameters.outer.attitude = attitude;
     // the base alone, with wheels strong enough to brake as the outer loop asks
@@ -323,11 +323,11 @@ fn turning_away(attitude: AttitudeLaw) -> (f64, f64, bool) {
 }
 
 #[test]
-fn beyond_240_degrees_the_hybrid_law_goes_the_short_way_and_the_plain_one_unwinds() {
-    let (turned, left, jumped) = turning_away(AttitudeLaw::default());
+fn hybrid_law_takes_the_short_way_where_quaternion_unwinds() {
+    let (turned, left, jumped) = follow_fast_rotation(AttitudeLaw::default());
     println!("hybrid: turned {turned:.1} deg, left {left:.3} deg");
     assert!(jumped && (turned + 80.0).abs() < 10.0 && left < 1.0);
-    let (turned, left, jumped) = turning_away(AttitudeLaw::Quaternion);
+    let (turned, left, jumped) = follow_fast_rotation(AttitudeLaw::Quaternion);
     println!("plain: turned {turned:.1} deg, left {left:.3} deg");
     assert!(!jumped && (turned - 280.0).abs() < 10.0 && left < 1.0);
 }

@@ -2,7 +2,7 @@
 
 mod plant;
 
-use control_laws::stabilise::{HeldBy, Input, Output, Parameters};
+use control_laws::stabilise::{ActiveLimit, Input, Output, Parameters};
 use control_laws::{ControlModel, Dof, ModelOptions, Payload, StabilisingLaw};
 use guidance_laws::{Pose, so3};
 use multibody::{Description, Inertia, Joint, JointKind, Link, Placement};
@@ -32,7 +32,7 @@ fn stack_options() -> ModelOptions {
 }
 
 /// The plant's description with the target welded on, implemented independently so that it checks the model's weld.
-fn welded() -> Description {
+fn description_with_payload() -> Description {
     let mut description = geared();
     let parent = description
         .links
@@ -87,8 +87,8 @@ fn law(parameters: Parameters) -> StabilisingLaw {
 }
 
 /// Rates typical after a capture: the target still turns about the gripper and the stack drifts.
-fn stirred(scale: f64) -> Plant {
-    let mut plant = Plant::of(&welded(), 1.0, 1.0);
+fn moving_plant(scale: f64) -> Plant {
+    let mut plant = Plant::of(&description_with_payload(), 1.0, 1.0);
     plant.state.nu = SVector::from([
         0.002, -0.004, 0.003, 0.004, -0.003, 0.002, 0.01, -0.012, 0.008, 0.015, -0.01, 0.02, 0.015, 0.01, -0.01,
     ]) * scale;
@@ -98,14 +98,14 @@ fn stirred(scale: f64) -> Plant {
 struct Rest {
     last: Output,
     wheel_momentum: Vector3<f64>,
-    held: u32,
+    limited_steps: u32,
     energy: Vec<f64>,
 }
 
 fn bring_to_rest(mut plant: Plant, parameters: Parameters, duration_s: f64) -> Rest {
     let mut law = law(parameters);
     let mut wheel_momentum = Vector3::zeros();
-    let (mut last, mut held, mut energy) = (None, 0, Vec::new());
+    let (mut last, mut limited_steps, mut energy) = (None, 0, Vec::new());
     for sample in 0..(duration_s / 0.01) as u32 {
         let input = Input {
             time_s: 0.01 * f64::from(sample),
@@ -123,7 +123,7 @@ fn bring_to_rest(mut plant: Plant, parameters: Parameters, duration_s: f64) -> R
         let gripper = output.telemetry.gripper;
         assert!(gripper.fixed_rows::<3>(0).norm() <= parameters.gripper_torque_nm * (1.0 + 1e-9));
         assert!(gripper.fixed_rows::<3>(3).norm() <= parameters.gripper_force_n * (1.0 + 1e-9));
-        held += u32::from(output.telemetry.held_by != HeldBy::Nothing);
+        limited_steps += u32::from(output.telemetry.active_limit != ActiveLimit::None);
         energy.push(output.telemetry.kinetic_energy_j);
         for _ in 0..10 {
             plant.step(&output.force);
@@ -134,7 +134,7 @@ fn bring_to_rest(mut plant: Plant, parameters: Parameters, duration_s: f64) -> R
     Rest {
         last: last.unwrap(),
         wheel_momentum,
-        held,
+        limited_steps,
         energy,
     }
 }
@@ -144,19 +144,19 @@ fn the_stack_comes_to_rest_within_every_limit() {
     let first = law(parameters())
         .step(&Input {
             time_s: 0.0,
-            measured: Some(stirred(1.0).measured()),
+            measured: Some(moving_plant(1.0).measured()),
             wheel_momentum: Vector3::zeros(),
         })
         .unwrap();
-    let rest = bring_to_rest(stirred(1.0), parameters(), 120.0);
+    let rest = bring_to_rest(moving_plant(1.0), parameters(), 120.0);
     println!(
         "time to rest {:.1} s, wheels {:.3?} N m s (foreseen {:.3?}), held by a limit in {} samples of 12000",
         rest.last.telemetry.time_to_rest_s,
         rest.wheel_momentum.as_slice(),
         first.telemetry.wheel_momentum_at_rest.as_slice(),
-        rest.held,
+        rest.limited_steps,
     );
-    assert!(rest.held > 100, "the limits matter in this case");
+    assert!(rest.limited_steps > 100, "the limits matter in this case");
     assert!(rest.last.telemetry.time_to_rest_s > 0.0 && rest.last.telemetry.time_to_rest_s < 100.0);
     assert!(*rest.energy.last().unwrap() < 1e-5 * rest.energy[0]);
     // the propellant, frozen in the model, may return a little energy: a tenth of a per cent of the start
@@ -179,16 +179,16 @@ fn without_limits_every_rate_dies_out_exponentially() {
         ..parameters()
     };
     // small rates: the arm hardly moves meanwhile, and the plant's limits stay inactive
-    let rest = bring_to_rest(stirred(0.02), wide, 10.0);
-    assert_eq!(rest.held, 0);
+    let rest = bring_to_rest(moving_plant(0.02), wide, 10.0);
+    assert_eq!(rest.limited_steps, 0);
     let expected = libm::exp(-2.0 * 0.2 * 9.99);
     let ratio = rest.energy.last().unwrap() / rest.energy[0];
     assert!((ratio / expected - 1.0).abs() < 0.05, "{ratio} {expected}");
 }
 
 #[test]
-fn the_gripper_wrench_is_what_the_target_needs_by_newton_and_euler() {
-    let plant = stirred(1.0);
+fn gripper_wrench_agrees_with_newton_euler_of_the_target() {
+    let plant = moving_plant(1.0);
     let measured = plant.measured();
     let mut law = law(parameters());
     let input = Input {
@@ -238,7 +238,7 @@ fn the_gripper_wrench_is_what_the_target_needs_by_newton_and_euler() {
 }
 
 #[test]
-fn nothing_measured_is_nothing_commanded_and_a_restored_law_goes_on() {
+fn stabilising_law_waits_for_measurement_and_restores() {
     let mut law = law(parameters());
     let mut input = Input {
         time_s: 3.0,
@@ -246,7 +246,7 @@ fn nothing_measured_is_nothing_commanded_and_a_restored_law_goes_on() {
         wheel_momentum: Vector3::zeros(),
     };
     assert!(law.step(&input).is_none());
-    input.measured = Some(stirred(1e-6).measured());
+    input.measured = Some(moving_plant(1e-6).measured());
     let output = law.step(&input).unwrap();
     assert!(output.telemetry.at_rest);
     assert_eq!(output.telemetry.time_to_rest_s, 0.0);

@@ -292,12 +292,12 @@ impl Harness {
     #[track_caller]
     pub fn assert_allocates_nothing(&mut self, count: u64) {
         self.step();
-        let taken = allocation::taken_by(|| self.steps(count));
+        let taken = allocation::allocations_during(|| self.steps(count));
         assert!(
-            taken.times == 0,
+            taken.count == 0,
             "{count} steps took {} pieces from the heap, the largest of {} bytes",
-            taken.times,
-            taken.largest
+            taken.count,
+            taken.largest_bytes
         );
     }
 

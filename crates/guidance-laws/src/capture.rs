@@ -12,7 +12,7 @@
 //! Limits: collision with the target is not considered; the relative rotation must stay below one full turn until the pointing
 //! instant (half a turn for a law that has just been started).
 
-use crate::profile::{Progress, quintic};
+use crate::profile::{TimeScaling, quintic};
 use crate::{ParameterError, Pose, SetPoint, TargetState, so3};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -123,9 +123,9 @@ pub struct Output {
     /// Phase of the approach.
     pub phase: Phase,
     /// Progress of the position.
-    pub position: Progress,
+    pub position: TimeScaling,
     /// Progress of the attitude.
-    pub attitude: Progress,
+    pub attitude: TimeScaling,
 }
 
 /// Complete state of the guidance, as plain numbers.
@@ -223,7 +223,7 @@ impl CaptureGuidance {
         }
     }
 
-    fn blend(&mut self, start: &Pose, grasp: &SetPoint, position: Progress, attitude: Progress) -> SetPoint {
+    fn blend(&mut self, start: &Pose, grasp: &SetPoint, position: TimeScaling, attitude: TimeScaling) -> SetPoint {
         let p_G = grasp.pose.position;
         // the pose equals the grasp frame, bit for bit, once a blend is complete
         let p_d = if position.value < 1.0 {

@@ -3,7 +3,7 @@
 //! | module | what it computes |
 //! |---|---|
 //! | [`capture`] | the set-point of the end effector, from its start to the grasp point on the moving target |
-//! | [`mod@reference`] | the comparison guidance: fixed instants, and a set-point for the base as well |
+//! | [`comparison`] | the comparison guidance: fixed instants, and a set-point for the base as well |
 //! | [`navigation`] | the target's motion from a noisy camera pose that arrives late |
 //! | [`target`] | motion of a torque-free rigid body, and of a grasp frame fixed in it |
 //! | [`set_point`] | pose and twist to follow, and its propagation between two guidance samples |
@@ -23,14 +23,14 @@
 #![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
 
 pub mod capture;
+pub mod comparison;
 mod error;
 pub mod navigation;
 pub mod profile;
-pub mod reference;
 pub mod set_point;
 pub mod so3;
 pub mod target;
 
 pub use error::ParameterError;
-pub use set_point::{Between, Pose, SetPoint};
+pub use set_point::{InterSample, Pose, SetPoint};
 pub use target::TargetState;

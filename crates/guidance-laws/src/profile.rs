@@ -2,7 +2,7 @@
 
 /// A value between 0 and 1 and its rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress {
+pub struct TimeScaling {
     /// 0 before the motion, 1 after it.
     pub value: f64,
     /// Rate of `value`, 1/s.
@@ -15,25 +15,25 @@ pub struct Progress {
 ///
 /// Zero rate and acceleration at both ends matter: with a rate step at the start alone the shaping filter demands several times
 /// the force of the whole approach.
-pub fn quintic(time_s: f64, start_s: f64, end_s: f64) -> Progress {
+pub fn quintic(time_s: f64, start_s: f64, end_s: f64) -> TimeScaling {
     let duration_s = end_s - start_s;
     let x = (time_s - start_s) / duration_s;
     if x <= 0.0 {
-        return Progress {
+        return TimeScaling {
             value: 0.0,
             rate: 0.0,
             acceleration: 0.0,
         };
     }
     if x >= 1.0 {
-        return Progress {
+        return TimeScaling {
             value: 1.0,
             rate: 0.0,
             acceleration: 0.0,
         };
     }
     let rest = 1.0 - x;
-    Progress {
+    TimeScaling {
         value: x * x * x * (10.0 + x * (6.0 * x - 15.0)),
         rate: 30.0 * x * x * rest * rest / duration_s,
         acceleration: 60.0 * x * rest * (1.0 - 2.0 * x) / (duration_s * duration_s),

@@ -82,7 +82,7 @@ impl SetPoint {
 
 /// Set-point handling in a controller between two samples of the guidance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Between {
+pub enum InterSample {
     /// The last set-point, extrapolated with its own velocities. A guidance slower than the controller needs this: the steps of a
     /// held pose disturb the inner loop.
     #[default]
@@ -91,7 +91,7 @@ pub enum Between {
     Hold,
 }
 
-impl Between {
+impl InterSample {
     /// The set-point to follow `age_s` seconds after `set_point` was computed.
     pub fn apply(self, set_point: &SetPoint, age_s: f64) -> SetPoint {
         match self {
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn propagation_moves_with_the_velocities_it_came_with() {
+    fn propagation_follows_the_velocities_of_the_set_point() {
         let step_s = 1e-6;
         let (now, later) = (moving(), moving().propagated(step_s));
         let velocity = (later.pose.position - now.pose.position) / step_s;
@@ -133,12 +133,12 @@ mod tests {
     }
 
     #[test]
-    fn propagation_in_two_parts_is_propagation_at_once() {
+    fn propagation_in_two_steps_equals_one_step() {
         let once = moving().propagated(0.3);
         let twice = moving().propagated(0.1).propagated(0.2);
         assert!((once.pose.position - twice.pose.position).norm() < 1e-15);
         assert!(once.pose.attitude.angle_to(&twice.pose.attitude) < 1e-14);
-        assert_eq!(Between::Hold.apply(&moving(), 0.3), moving());
-        assert_eq!(Between::Propagate.apply(&moving(), 0.3), once);
+        assert_eq!(InterSample::Hold.apply(&moving(), 0.3), moving());
+        assert_eq!(InterSample::Propagate.apply(&moving(), 0.3), once);
     }
 }

@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_received_is_no_rotation() {
+    fn zero_quaternion_is_no_rotation() {
         assert!(from_wxyz([0.0; 4]).is_none());
         assert!(from_wxyz([f64::NAN, 0.0, 0.0, 1.0]).is_none());
         assert!(from_wxyz([f64::INFINITY, 0.0, 0.0, 1.0]).is_none());

@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_derivative_of_eulers_equation_agrees_with_finite_differences() {
+    fn euler_derivative_agrees_with_finite_differences() {
         let inertia = Matrix3::new(40.0, 1.0, -2.0, 1.0, 30.0, 0.5, -2.0, 0.5, 20.0);
         let model = TargetModel::new(inertia, 0.01).unwrap();
         let rate = Vector3::new(0.1, -0.3, 0.2);
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grasp_frame_moves_as_its_velocity_says() {
+    fn grasp_frame_velocity_is_the_derivative_of_its_pose() {
         let model = TargetModel::new(Matrix3::from_diagonal(&Vector3::new(33.6, 33.6, 25.0)), 0.01).unwrap();
         let grasp = Pose {
             position: Vector3::new(0.1, 0.0, -0.65),

@@ -1,7 +1,7 @@
 //! The capture and the comparison guidance: exact velocities, phases, ends, and continuation from a snapshot.
 
 use guidance_laws::capture::{self, CaptureGuidance, Phase, Schedule};
-use guidance_laws::reference::{self, BasePath, ReferenceGuidance};
+use guidance_laws::comparison::{self, BasePath, ComparisonGuidance};
 use guidance_laws::target::TargetModel;
 use guidance_laws::{Pose, SetPoint, TargetState, so3};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -82,7 +82,7 @@ fn velocities_are_the_derivatives_of_the_poses() {
 }
 
 #[test]
-fn the_start_is_held_and_the_end_rides_on_the_grasp_frame() {
+fn set_point_holds_the_start_and_ends_on_the_grasp_frame() {
     let mut law = guidance();
     let first = law.step(&input(0.0, baseline_rate()));
     assert_eq!(first.phase, Phase::Waiting);
@@ -118,7 +118,7 @@ fn the_start_is_held_and_the_end_rides_on_the_grasp_frame() {
 }
 
 #[test]
-fn without_a_measurement_there_is_no_set_point_and_without_a_target_no_motion() {
+fn missing_measurement_gives_no_set_point_no_target_no_motion() {
     let mut law = guidance();
     let nothing = capture::Input {
         time_s: 0.0,
@@ -144,7 +144,7 @@ fn the_start_pose_is_the_first_one_received() {
 }
 
 #[test]
-fn a_relative_rotation_beyond_half_a_turn_is_followed_without_a_jump() {
+fn relative_rotation_beyond_half_a_turn_has_no_jump() {
     // 0.2 rad/s for 19 s is 3.8 rad
     let rate = Vector3::new(0.0, 0.02, 0.2);
     let mut law = guidance();
@@ -180,8 +180,8 @@ fn instants_out_of_order_are_refused_with_the_field() {
     assert_eq!(with(1.0, 20.0, 20.0), Ok(()));
 }
 
-fn comparison(base_path: BasePath) -> ReferenceGuidance {
-    ReferenceGuidance::new(reference::Parameters {
+fn comparison(base_path: BasePath) -> ComparisonGuidance {
+    ComparisonGuidance::new(comparison::Parameters {
         schedule: Schedule::CLOSE,
         grasp: grasp(),
         closing_pose: Pose {
@@ -193,8 +193,8 @@ fn comparison(base_path: BasePath) -> ReferenceGuidance {
     .unwrap()
 }
 
-fn comparison_input(time_s: f64) -> reference::Input {
-    reference::Input {
+fn comparison_input(time_s: f64) -> comparison::Input {
+    comparison::Input {
         time_s,
         base: Some(Pose {
             position: Vector3::new(-0.42, 0.0, -2.85),
@@ -241,7 +241,7 @@ proptest! {
             whole.step(&at(tick));
             first.step(&at(tick));
         }
-        let mut second = ReferenceGuidance::from_state(*whole.parameters(), &first.state()).unwrap();
+        let mut second = ComparisonGuidance::from_state(*whole.parameters(), &first.state()).unwrap();
         prop_assert_eq!(second, whole);
         for tick in split..split + 20 {
             prop_assert_eq!(second.step(&at(tick)), whole.step(&at(tick)));

@@ -65,7 +65,7 @@ impl Camera {
         }
     }
 
-    fn look(&mut self, parameters: &Parameters, stamp_s: f64, truth: &TargetState) -> CameraPose {
+    fn measure(&mut self, parameters: &Parameters, stamp_s: f64, truth: &TargetState) -> CameraPose {
         let keep = libm::exp(-CAMERA_PERIOD_S / parameters.drift_time_s);
         let fresh = (1.0 - keep * keep).sqrt();
         let position = self.position_drift + self.normal.vector(parameters.white_sigma.position);
@@ -83,7 +83,7 @@ impl Camera {
 }
 
 /// A target with velocities drawn from the filter's prior.
-fn drawn_target(parameters: &Parameters, seed: u64) -> TargetState {
+fn random_target(parameters: &Parameters, seed: u64) -> TargetState {
     let mut normal = Normal(SplitMix(seed ^ 0xabcd));
     TargetState {
         pose: Pose {
@@ -104,20 +104,20 @@ struct Run {
     attitude_error_rad: f64,
 }
 
-/// `parameters` describes the simulated world, `believed` the filter's model of it.
-fn run(parameters: &Parameters, believed: &Parameters, seed: u64, duration_s: f64) -> Run {
-    let start = drawn_target(parameters, seed);
+/// `parameters` describes the simulated world, `assumed` the filter's model of it.
+fn run(parameters: &Parameters, assumed: &Parameters, seed: u64, duration_s: f64) -> Run {
+    let start = random_target(parameters, seed);
     let mut camera = Camera::new(parameters, seed);
-    let mut filter = NavigationFilter::new(*believed).unwrap();
+    let mut filter = NavigationFilter::new(*assumed).unwrap();
     let (mut truth, mut stamp_s) = (start, 0.0);
     let (mut nis_sum, mut nis_count) = (0.0, 0.0);
-    let pictures = (duration_s / CAMERA_PERIOD_S) as u32;
-    for picture in 0..=pictures {
-        stamp_s = f64::from(picture) * CAMERA_PERIOD_S;
+    let measurements = (duration_s / CAMERA_PERIOD_S) as u32;
+    for number in 0..=measurements {
+        stamp_s = f64::from(number) * CAMERA_PERIOD_S;
         truth = parameters.target.predicted(&start, stamp_s);
-        let seen = camera.look(parameters, stamp_s, &truth);
+        let measurement = camera.measure(parameters, stamp_s, &truth);
         // evaluated at the pose's own stamp, so that covariance and estimate refer to the same time
-        let estimate = filter.step(stamp_s, Some(&seen)).unwrap();
+        let estimate = filter.step(stamp_s, Some(&measurement)).unwrap();
         if let Update::Accepted { nis } = estimate.update {
             nis_sum += nis;
             nis_count += 1.0;
@@ -142,7 +142,7 @@ fn run(parameters: &Parameters, believed: &Parameters, seed: u64, duration_s: f6
 }
 
 #[test]
-fn errors_are_as_large_as_the_filter_says() {
+fn filter_errors_are_consistent_with_its_covariance() {
     let parameters = parameters();
     let runs: Vec<Run> = (0..200).map(|seed| run(&parameters, &parameters, seed, 20.0)).collect();
     let mean = |figure: fn(&Run) -> f64| runs.iter().map(figure).sum::<f64>() / 200.0;
@@ -159,9 +159,9 @@ fn errors_are_as_large_as_the_filter_says() {
 }
 
 #[test]
-fn a_filter_that_takes_the_drift_for_white_noise_believes_itself_far_too_well() {
+fn filter_without_drift_model_is_overconfident() {
     let parameters = parameters();
-    let believed = Parameters {
+    let assumed = Parameters {
         drift_sigma: PositionAttitude {
             position: 0.0,
             attitude: 0.0,
@@ -170,7 +170,7 @@ fn a_filter_that_takes_the_drift_for_white_noise_believes_itself_far_too_well() 
         ..parameters
     };
     let nees = (0..50)
-        .map(|seed| run(&parameters, &believed, seed, 20.0).nees)
+        .map(|seed| run(&parameters, &assumed, seed, 20.0).nees)
         .sum::<f64>()
         / 50.0;
     println!("{nees}");
@@ -178,23 +178,23 @@ fn a_filter_that_takes_the_drift_for_white_noise_believes_itself_far_too_well() 
 }
 
 #[test]
-fn the_estimate_bridges_the_latency() {
+fn estimate_predicts_over_the_latency() {
     let parameters = parameters();
-    let start = drawn_target(&parameters, 7);
+    let start = random_target(&parameters, 7);
     let mut filter = NavigationFilter::new(parameters).unwrap();
     let mut last = None;
     for tick in 0..2000 {
         let time_s = 0.01 * f64::from(tick);
         // a camera without errors but with latency; the newest pose that has arrived is offered repeatedly
         let arrived = ((time_s - LATENCY_S + 1e-9) / CAMERA_PERIOD_S).floor();
-        let seen = (arrived >= 0.0).then(|| {
+        let measurement = (arrived >= 0.0).then(|| {
             let stamp_s = arrived * CAMERA_PERIOD_S;
             CameraPose {
                 stamp_s,
                 pose: parameters.target.predicted(&start, stamp_s).pose,
             }
         });
-        last = filter.step(time_s, seen.as_ref());
+        last = filter.step(time_s, measurement.as_ref());
         assert_eq!(last.is_some(), time_s > LATENCY_S - 1e-6);
         if let Some(estimate) = last {
             assert!(estimate.age_s > LATENCY_S - 1e-9 && estimate.age_s < LATENCY_S + CAMERA_PERIOD_S);
@@ -209,42 +209,42 @@ fn the_estimate_bridges_the_latency() {
 }
 
 #[test]
-fn a_pose_out_of_the_gate_is_refused_and_many_of_them_start_the_filter_anew() {
+fn gated_pose_is_rejected_and_many_reinitialise_the_filter() {
     let gated = Parameters {
         gate: 40.0,
         ..parameters()
     };
-    let start = drawn_target(&gated, 3);
+    let start = random_target(&gated, 3);
     let mut filter = NavigationFilter::new(gated).unwrap();
     let mut camera = Camera::new(&gated, 3);
-    for picture in 0..100 {
-        let stamp_s = 0.1 * f64::from(picture);
-        let seen = camera.look(&gated, stamp_s, &gated.target.predicted(&start, stamp_s));
-        filter.step(stamp_s, Some(&seen));
+    for number in 0..100 {
+        let stamp_s = 0.1 * f64::from(number);
+        let measurement = camera.measure(&gated, stamp_s, &gated.target.predicted(&start, stamp_s));
+        filter.step(stamp_s, Some(&measurement));
     }
     let before = filter.clone();
-    let mut outlier = camera.look(&gated, 10.0, &gated.target.predicted(&start, 10.0));
+    let mut outlier = camera.measure(&gated, 10.0, &gated.target.predicted(&start, 10.0));
     outlier.pose.position.x += 0.5;
-    assert!(matches!(filter.step(10.0, Some(&outlier)).unwrap().update, Update::Refused { nis } if nis > 1e3));
+    assert!(matches!(filter.step(10.0, Some(&outlier)).unwrap().update, Update::Rejected { nis } if nis > 1e3));
     let moved = filter.step(10.0, None).unwrap().target.pose.position
         - before.clone().step(10.0, None).unwrap().target.pose.position;
     assert!(moved.norm() < 1e-12, "a refused pose moves nothing");
-    for picture in 1..=5 {
-        outlier.stamp_s = 10.0 + 0.1 * f64::from(picture);
+    for number in 1..=5 {
+        outlier.stamp_s = 10.0 + 0.1 * f64::from(number);
         let update = filter.step(outlier.stamp_s, Some(&outlier)).unwrap().update;
-        assert_eq!(update == Update::Started, picture == 5, "{picture}: {update:?}");
+        assert_eq!(update == Update::Started, number == 5, "{number}: {update:?}");
     }
 }
 
 #[test]
-fn a_pose_is_taken_in_once_and_an_older_one_never() {
+fn pose_is_processed_once_and_older_poses_never() {
     let parameters = parameters();
-    let start = drawn_target(&parameters, 5);
+    let start = random_target(&parameters, 5);
     let mut camera = Camera::new(&parameters, 5);
     let mut filter = NavigationFilter::new(parameters).unwrap();
     assert!(filter.step(0.0, None).is_none());
-    let first = camera.look(&parameters, 0.0, &start);
-    let second = camera.look(&parameters, 0.1, &parameters.target.predicted(&start, 0.1));
+    let first = camera.measure(&parameters, 0.0, &start);
+    let second = camera.measure(&parameters, 0.1, &parameters.target.predicted(&start, 0.1));
     assert_eq!(filter.step(0.1, Some(&first)).unwrap().update, Update::Started);
     assert!(matches!(
         filter.step(0.2, Some(&second)).unwrap().update,
@@ -260,16 +260,16 @@ fn a_pose_is_taken_in_once_and_an_older_one_never() {
 #[test]
 fn a_restored_filter_continues_with_the_same_bits() {
     let parameters = parameters();
-    let start = drawn_target(&parameters, 11);
+    let start = random_target(&parameters, 11);
     let mut camera = Camera::new(&parameters, 11);
     let mut whole = NavigationFilter::new(parameters).unwrap();
     let mut part = NavigationFilter::from_state(parameters, &whole.state()).unwrap();
-    for picture in 0..60 {
-        let stamp_s = 0.1 * f64::from(picture);
-        let seen = camera.look(&parameters, stamp_s, &parameters.target.predicted(&start, stamp_s));
+    for number in 0..60 {
+        let stamp_s = 0.1 * f64::from(number);
+        let measurement = camera.measure(&parameters, stamp_s, &parameters.target.predicted(&start, stamp_s));
         assert_eq!(
-            whole.step(stamp_s + 0.1, Some(&seen)),
-            part.step(stamp_s + 0.1, Some(&seen))
+            whole.step(stamp_s + 0.1, Some(&measurement)),
+            part.step(stamp_s + 0.1, Some(&measurement))
         );
         part = NavigationFilter::from_state(parameters, &part.state()).unwrap();
     }

@@ -12,7 +12,7 @@ use lockstep::time::Rational;
 use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
 use lockstep::transport::{Header, NoRecording, Receiver, Recording, Sender, TransportError};
 use test_domain::TestDomain;
-use testing::allocation::{Counting, Taken, taken_by};
+use testing::allocation::{Allocations, Counting, allocations_during};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -121,10 +121,10 @@ fn assert_no_allocation(converted: bool) {
         .collect();
     let mut looped = InLoop::new(&plan, connect_locally(&plan, boxed, |_| Box::new(NoRecording)));
     looped.run_to(1, |_| {}).expect("the first step");
-    let taken = taken_by(|| {
+    let taken = allocations_during(|| {
         looped.run_to(plan.end, |_| {}).expect("the rest");
     });
-    assert_eq!(taken, Taken::default());
+    assert_eq!(taken, Allocations::default());
 }
 
 #[test]
@@ -143,8 +143,8 @@ fn shared_memory_link_allocates_nothing_per_sample() {
             assert_eq!(receiver.try_receive(&mut buffer), Ok(Some(header)));
         }
     };
-    let taken = taken_by(|| exchange(SAMPLES));
-    assert_eq!(taken, Taken::default());
+    let taken = allocations_during(|| exchange(SAMPLES));
+    assert_eq!(taken, Allocations::default());
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn record_allocates_nothing_per_sample() {
             receiver.receive(take).expect("whole entries");
         }
     };
-    let taken = taken_by(|| record(SAMPLES));
+    let taken = allocations_during(|| record(SAMPLES));
     assert_eq!(seen, SAMPLES);
-    assert_eq!(taken, Taken::default());
+    assert_eq!(taken, Allocations::default());
 }

@@ -27,7 +27,7 @@ fn main() {
     };
     let text = match (&mode, first) {
         (Mode::Time(_), Some(path)) => std::fs::read_to_string(&path).expect("the file of states can be read"),
-        _ => drawn_states(),
+        _ => random_states(),
     };
     let description = Description::from_urdf(include_str!("../../../models/servicer.urdf")).expect("a valid model");
     let tree = Servicer::new(&description).expect("a valid tree");
@@ -87,14 +87,14 @@ fn run(tree: &Servicer, cases: &[Case], mode: &Mode) {
         let c = &cases[i];
         black_box(tree.step(Method::Rk4, black_box(&c.state), black_box(&c.tau), black_box(1e-3)));
     });
-    let fours: Vec<_> = cases.chunks_exact(4).map(four).collect();
+    let fours: Vec<_> = cases.chunks_exact(4).map(in_four_lanes).collect();
     time("aba, 4 lanes", 4, &|i| {
         let (q, nu, tau) = &fours[i];
         black_box(tree.aba_x4(black_box(q), black_box(nu), black_box(tau)));
     });
 }
 
-fn four(cases: &[Case]) -> ([F64x4; 9], [F64x4; 15], [F64x4; 15]) {
+fn in_four_lanes(cases: &[Case]) -> ([F64x4; 9], [F64x4; 15], [F64x4; 15]) {
     let lanes = |f: &dyn Fn(&Case) -> f64| F64x4::new([f(&cases[0]), f(&cases[1]), f(&cases[2]), f(&cases[3])]);
     (
         std::array::from_fn(|i| lanes(&|c| c.state.q[i])),
@@ -143,7 +143,7 @@ fn case(tree: &Servicer, line: &str) -> Case {
 }
 
 /// 64 states from a small generator, used when no file is given.
-fn drawn_states() -> String {
+fn random_states() -> String {
     let mut seed = 7_u64;
     let mut uniform = move || {
         seed = seed

@@ -2,11 +2,11 @@
 
 use crate::description::{Description, Mimic};
 use crate::kernel::jacobian::{frame_at, jacobian};
-use crate::kernel::place::{Placed, Rates, place, rates};
+use crate::kernel::poses::{BodyPose, Rates, body_poses, rates};
 use crate::kernel::{BASE, Model, aba, inertia, momentum, newton_euler};
 use crate::num::{Dynamic, Real, V3, sin_cos};
+use crate::reduction::CoordinateReduction;
 use crate::rotation::Quaternion;
-use crate::ties::Ties;
 use crate::tree::{Constants, FrameId, TreeError, UnknownFrame, matrix, vector};
 use crate::{Momentum, Placement};
 use core::ops::{Index, IndexMut};
@@ -134,9 +134,9 @@ impl DynTree {
         })
     }
 
-    fn ties(&self) -> Ties<'_> {
-        Ties {
-            ties: self.constants.ties.as_deref(),
+    fn reduction(&self) -> CoordinateReduction<'_> {
+        CoordinateReduction {
+            couplings: self.constants.couplings.as_deref(),
             offset: self.model().offset(),
         }
     }
@@ -154,11 +154,11 @@ impl DynTree {
         }
     }
 
-    fn placed(&self, s: &DynState) -> (Vec<Placed<f64>>, Vec<Rates<f64>>) {
+    fn poses(&self, s: &DynState) -> (Vec<BodyPose<f64>>, Vec<Rates<f64>>) {
         self.check(s);
-        let placed = place::<Dynamic, f64, _>(self.model(), &self.ties().positions(&s.q));
-        let rates = rates::<Dynamic, f64, _>(self.model(), &placed, &self.ties().velocities(&s.nu));
-        (placed, rates)
+        let poses = body_poses::<Dynamic, f64, _>(self.model(), &self.reduction().positions(&s.q));
+        let rates = rates::<Dynamic, f64, _>(self.model(), &poses, &self.reduction().velocities(&s.nu));
+        (poses, rates)
     }
 
     fn check(&self, s: &DynState) {
@@ -172,7 +172,7 @@ impl DynTree {
 
     /// Number of joint coordinates.
     pub fn joints(&self) -> usize {
-        self.ties().coordinates(self.constants.bodies.len())
+        self.reduction().coordinates(self.constants.bodies.len())
     }
 
     /// Number of velocity coordinates.
@@ -197,13 +197,13 @@ impl DynTree {
         }];
         for (at, (b, (joint, link))) in c.bodies.iter().zip(&c.body_names).enumerate() {
             let above = b.parent;
-            let tie = c.ties.as_ref().map(|ties| ties[b.coordinate].coordinate);
+            let coupling = c.couplings.as_ref().map(|couplings| couplings[b.coordinate].coordinate);
             out.push(BodyInfo {
                 link: link.clone(),
                 joint: Some(joint.clone()),
                 prismatic: b.prismatic,
                 parent: Some(out[above].link.clone()),
-                coordinate: Some(tie.unwrap_or(b.coordinate)),
+                coordinate: Some(coupling.unwrap_or(b.coordinate)),
                 mimic: self.mimics[at].clone(),
                 depth: out[above].depth + 1,
                 mass: b.rigid.mass,
@@ -245,22 +245,15 @@ impl DynTree {
     /// # Panics
     /// Here and below: if the state has the wrong number of coordinates.
     pub fn mass_and_coriolis(&self, s: &DynState) -> (Dense, Dense) {
-        let (placed, rates) = self.placed(s);
+        let (poses, rates) = self.poses(s);
         let full = self.full_dim();
         let (mut m, mut c) = (Dense::zeros(full, full), Dense::zeros(full, full));
         let omega = self.omega(s);
-        inertia::mass_and_coriolis::<Dynamic, f64, true>(
-            self.model(),
-            &placed,
-            &rates,
-            omega,
-            &mut m.data,
-            &mut c.data,
-        );
+        inertia::mass_and_coriolis::<Dynamic, f64, true>(self.model(), &poses, &rates, omega, &mut m.data, &mut c.data);
         let reduced = |full: Dense| Dense {
             rows: self.dim(),
             cols: self.dim(),
-            data: self.ties().both(full.data),
+            data: self.reduction().congruence(full.data),
         };
         (reduced(m), reduced(c))
     }
@@ -276,10 +269,14 @@ impl DynTree {
         assert_eq!(a.len(), self.dim(), "the acceleration has the wrong length");
         let mut out = vec![0.0; self.full_dim()];
         let zero = V3::zero();
-        let ties = self.ties();
-        let (q, nu, a) = (ties.positions(&s.q), ties.velocities(&s.nu), ties.velocities(a));
+        let reduction = self.reduction();
+        let (q, nu, a) = (
+            reduction.positions(&s.q),
+            reduction.velocities(&s.nu),
+            reduction.velocities(a),
+        );
         newton_euler::newton_euler::<Dynamic, f64, true>(self.model(), &q, &nu, &a, &nu, zero, &mut out);
-        ties.rows(out)
+        reduction.rows(out)
     }
 
     /// `M a + C(ν) ν_r` in one pass.
@@ -292,39 +289,39 @@ impl DynTree {
         );
         let mut out = vec![0.0; self.full_dim()];
         let zero = V3::zero();
-        let ties = self.ties();
-        let (q, nu) = (ties.positions(&s.q), ties.velocities(&s.nu));
-        let (a, nu_r) = (ties.velocities(a), ties.velocities(nu_r));
+        let reduction = self.reduction();
+        let (q, nu) = (reduction.positions(&s.q), reduction.velocities(&s.nu));
+        let (a, nu_r) = (reduction.velocities(a), reduction.velocities(nu_r));
         newton_euler::newton_euler::<Dynamic, f64, false>(self.model(), &q, &nu, &a, &nu_r, zero, &mut out);
-        ties.rows(out)
+        reduction.rows(out)
     }
 
     /// Mass matrix over any scalar, column by column.
     pub fn mass_matrix_in<T: Real>(&self, q: &[T]) -> Vec<T> {
-        let placed = place::<Dynamic, T, _>(self.model(), &self.ties().positions(q));
+        let poses = body_poses::<Dynamic, T, _>(self.model(), &self.reduction().positions(q));
         let mut m = vec![T::of(0.0); self.full_dim() * self.full_dim()];
         let (model, rest) = (self.model(), V3::zero());
-        inertia::mass_and_coriolis::<Dynamic, T, false>(model, &placed, &[], rest, &mut m, &mut []);
-        self.ties().both(m)
+        inertia::mass_and_coriolis::<Dynamic, T, false>(model, &poses, &[], rest, &mut m, &mut []);
+        self.reduction().congruence(m)
     }
 
     /// Body Jacobian of a frame over any scalar, column by column; it depends on the joints alone.
     pub fn jacobian_in<T: Real>(&self, q: &[T], frame: FrameId) -> Vec<T> {
-        let placed = place::<Dynamic, T, _>(self.model(), &self.ties().positions(q));
+        let poses = body_poses::<Dynamic, T, _>(self.model(), &self.reduction().positions(q));
         let rest = vec![T::of(0.0); self.full_dim()];
-        let rates = rates::<Dynamic, T, _>(self.model(), &placed, &rest);
+        let rates = rates::<Dynamic, T, _>(self.model(), &poses, &rest);
         let mut j = vec![T::of(0.0); 6 * self.full_dim()];
         let frame = &self.constants.frames[frame.0];
-        jacobian::<T, f64, false>(self.model(), &placed, &rates, V3::zero(), frame, &mut j);
-        self.ties().columns(6, j)
+        jacobian::<T, f64, false>(self.model(), &poses, &rates, V3::zero(), frame, &mut j);
+        self.reduction().columns(6, j)
     }
 
     /// Pose of a frame in the base over any scalar: (`p_BE`, columns of `R_BE`).
     pub fn placement_in<T: Real>(&self, q: &[T], frame: FrameId) -> ([T; 3], [[T; 3]; 3]) {
-        let placed = place::<Dynamic, T, _>(self.model(), &self.ties().positions(q));
+        let poses = body_poses::<Dynamic, T, _>(self.model(), &self.reduction().positions(q));
         let rest = vec![T::of(0.0); self.full_dim()];
-        let rates = rates::<Dynamic, T, _>(self.model(), &placed, &rest);
-        let (r, p) = frame_at(&self.constants.frames[frame.0], &placed, &rates);
+        let rates = rates::<Dynamic, T, _>(self.model(), &poses, &rest);
+        let (r, p) = frame_at(&self.constants.frames[frame.0], &poses, &rates);
         (p.to_array(), r.c.map(V3::to_array))
     }
 
@@ -332,8 +329,8 @@ impl DynTree {
     pub fn forward_dynamics(&self, s: &DynState, tau: &[f64]) -> Vec<f64> {
         self.check(s);
         assert_eq!(tau.len(), self.dim(), "the generalised force has the wrong length");
-        if self.constants.ties.is_some() {
-            return self.tied_forward_dynamics(s, tau);
+        if self.constants.couplings.is_some() {
+            return self.reduced_forward_dynamics(s, tau);
         }
         let mut out = vec![0.0; self.dim()];
         aba::aba::<Dynamic, f64, _>(self.model(), &s.q, &s.nu, tau, V3::zero(), None, &mut out);
@@ -341,23 +338,23 @@ impl DynTree {
     }
 
     /// `Gᵀ M G a = τ + Gᵀ (−D q̇ − K (q − q₀)) − Gᵀ C ν`.
-    fn tied_forward_dynamics(&self, s: &DynState, tau: &[f64]) -> Vec<f64> {
-        let ties = self.ties();
-        let (q, nu) = (ties.positions(&s.q), ties.velocities(&s.nu));
+    fn reduced_forward_dynamics(&self, s: &DynState, tau: &[f64]) -> Vec<f64> {
+        let reduction = self.reduction();
+        let (q, nu) = (reduction.positions(&s.q), reduction.velocities(&s.nu));
         let mut passive = vec![0.0; self.full_dim()];
         for link in &self.constants.bodies {
-            let row = ties.offset + link.coordinate;
+            let row = reduction.offset + link.coordinate;
             passive[row] = -link.damping * nu[row] - link.stiffness * (q[link.coordinate] - link.rest);
         }
         let (mass, _) = self.mass_and_coriolis(s);
-        let force = ties.rows(passive).into_iter().zip(tau).zip(self.bias(s));
+        let force = reduction.rows(passive).into_iter().zip(tau).zip(self.bias(s));
         mass.solve(force.map(|((passive, tau), bias)| tau + passive - bias).collect())
     }
 
     /// Pose of a frame in the world.
     pub fn placement_in_world(&self, s: &DynState, frame: FrameId) -> Placement {
-        let (placed, rates) = self.placed(s);
-        let (r, p) = frame_at(&self.constants.frames[frame.0], &placed, &rates);
+        let (poses, rates) = self.poses(s);
+        let (r, p) = frame_at(&self.constants.frames[frame.0], &poses, &rates);
         let base = Placement {
             p: s.p_nb,
             r: s.quat_nb.matrix(),
@@ -370,16 +367,16 @@ impl DynTree {
 
     /// Body Jacobian of a frame (rows [ω; v] in its axes) and its time derivative.
     pub fn jacobian_and_rate(&self, s: &DynState, frame: FrameId) -> (Dense, Dense) {
-        let (placed, rates) = self.placed(s);
+        let (poses, rates) = self.poses(s);
         let (mut j, mut rate) = (Dense::zeros(6, self.full_dim()), Dense::zeros(6, self.full_dim()));
         let frame = &self.constants.frames[frame.0];
         let omega = self.omega(s);
-        jacobian::<f64, f64, false>(self.model(), &placed, &rates, omega, frame, &mut j.data);
-        jacobian::<f64, f64, true>(self.model(), &placed, &rates, omega, frame, &mut rate.data);
+        jacobian::<f64, f64, false>(self.model(), &poses, &rates, omega, frame, &mut j.data);
+        jacobian::<f64, f64, true>(self.model(), &poses, &rates, omega, frame, &mut rate.data);
         let reduced = |full: Dense| Dense {
             rows: 6,
             cols: self.dim(),
-            data: self.ties().columns(6, full.data),
+            data: self.reduction().columns(6, full.data),
         };
         (reduced(j), reduced(rate))
     }
@@ -392,9 +389,9 @@ impl DynTree {
     /// Mass, centre of mass and momentum of each body in B axes, in the order of [`DynTree::bodies`]; the angular momentum is
     /// about the body's own centre of mass. For a massless body the origin stands for the centre of mass.
     pub fn body_momenta(&self, s: &DynState) -> Vec<Momentum> {
-        let (placed, rates) = self.placed(s);
+        let (poses, rates) = self.poses(s);
         let v = self.model().base_part(&s.nu).1;
-        let each = momentum::each(self.model(), &placed, &rates);
+        let each = momentum::each(self.model(), &poses, &rates);
         each.zip(&rates)
             .map(|(sums, rate)| match sums.mass > 0.0 {
                 true => Momentum::of(&sums, v),
@@ -414,8 +411,8 @@ impl DynTree {
     }
 
     fn sums(&self, s: &DynState) -> momentum::Sums<f64> {
-        let (placed, rates) = self.placed(s);
-        momentum::sums(self.model(), &placed, &rates, &self.ties().velocities(&s.nu))
+        let (poses, rates) = self.poses(s);
+        momentum::sums(self.model(), &poses, &rates, &self.reduction().velocities(&s.nu))
     }
 }
 
@@ -433,9 +430,9 @@ pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeErr
     let (n, offset) = (tree.joints(), tree.model().offset());
     let mut best = vec![0.0_f64; tree.dim()];
     // the coordinate of a joint that follows no other
-    let own = |joint: usize| match &c.ties {
+    let independent_coordinate = |joint: usize| match &c.couplings {
         None => Some(joint),
-        Some(ties) => ties[joint].own.then_some(ties[joint].coordinate),
+        Some(couplings) => couplings[joint].independent.then_some(couplings[joint].coordinate),
     };
     for trial in 0..3 {
         let q = (0..n)
@@ -448,17 +445,17 @@ pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeErr
             nu: vec![0.0; tree.dim()],
         };
         let (mut m, _) = tree.mass_and_coriolis(&state);
-        let whole: Vec<f64> = (0..tree.dim()).map(|k| m[(k, k)]).collect();
+        let original_diagonal: Vec<f64> = (0..tree.dim()).map(|k| m[(k, k)]).collect();
         // leaves first, base last: the elimination order of the recursion
         let joints = c
             .bodies
             .iter()
             .rev()
-            .filter_map(|b| own(b.coordinate))
+            .filter_map(|b| independent_coordinate(b.coordinate))
             .map(|k| offset + k);
         let order: Vec<usize> = joints.chain((0..offset).rev()).collect();
         for (at, &k) in order.iter().enumerate() {
-            let ratio = m[(k, k)] / whole[k];
+            let ratio = m[(k, k)] / original_diagonal[k];
             if ratio.is_nan() || ratio <= VANISHED {
                 continue; // dividing by it would put the blame on everything below
             }
@@ -472,7 +469,7 @@ pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeErr
         }
     }
     for (b, (joint, link)) in c.bodies.iter().zip(&c.body_names) {
-        if own(b.coordinate).is_some_and(|k| best[offset + k] <= VANISHED) {
+        if independent_coordinate(b.coordinate).is_some_and(|k| best[offset + k] <= VANISHED) {
             return Err(TreeError::NoInertia {
                 what: format!("joint `{joint}` (link `{link}`)"),
                 remedy: "give the link mass or inertia, give the joint motor inertia, or make the joint fixed",

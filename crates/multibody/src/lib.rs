@@ -57,25 +57,25 @@
 //! every processor, in [`Tree`], [`DynTree`] and in each lane of a batch alike. Compile with FMA enabled
 //! (`-C target-cpu=x86-64-v3` on x86-64): without it the same bits come from a software routine, far more slowly.
 
-mod abreast;
+mod batch;
 mod description;
 mod dynamic;
 mod integrate;
 mod kernel;
 mod num;
+mod reduction;
 pub mod rotation;
 mod slosh;
 mod state;
-mod ties;
 mod tree;
 
-pub use abreast::Trees;
+pub use batch::Trees;
 pub use description::{
     Description, DescriptionError, EditError, Inertia, Joint, JointKind, Limits, Link, Mimic, Placement, UrdfError,
-    UrdfErrors, UrdfFault, UrdfOptions, UrdfReading, UrdfWarning, read_xml,
+    UrdfErrorKind, UrdfErrors, UrdfOptions, UrdfReading, UrdfWarning, read_xml,
 };
 pub use dynamic::{BodyInfo, Dense, DynState, DynTree};
-pub use integrate::{Flow, Method, Rate, UnknownMethod, dop853, rk4};
+pub use integrate::{Method, OdeSystem, Rate, UnknownMethod, dop853, rk4};
 pub use nalgebra;
 pub use num::{F64x4, Lanes, Number, Real, sin_cos};
 pub use rotation::Quaternion;

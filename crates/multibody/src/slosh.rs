@@ -16,7 +16,7 @@
 //! The tree's forward dynamics includes this as a load on its base, and the pendulum's acceleration follows from a_h.
 
 use crate::description::{Inertia, Placement};
-use crate::integrate::{Flow, Rate};
+use crate::integrate::{OdeSystem, Rate};
 use crate::kernel::aba::Articulated;
 use crate::num::{Sym3, V3};
 use crate::state::State;
@@ -242,7 +242,7 @@ impl<const N: usize, const V: usize> SloshTree<N, V> {
     }
 }
 
-impl<const N: usize, const V: usize> Flow for SloshTree<N, V> {
+impl<const N: usize, const V: usize> OdeSystem for SloshTree<N, V> {
     type State = SloshState<N, V>;
     type Rate = SloshRate<N, V>;
     type Force = SVector<f64, V>;
@@ -256,20 +256,20 @@ impl<const N: usize, const V: usize> Flow for SloshTree<N, V> {
         }
     }
 
-    fn moved(&self, s: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State {
+    fn plus_rates(&self, s: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State {
         let mut out = *s;
         for (k, r) in by {
-            out.tree = self.tree.moved(&out.tree, &[(*k, &r.tree)]);
+            out.tree = self.tree.plus_rates(&out.tree, &[(*k, &r.tree)]);
             out.d += r.d * *k;
             out.w += r.w * *k;
         }
         out
     }
 
-    fn restored(&self, s: Self::State) -> Self::State {
+    fn projected(&self, s: Self::State) -> Self::State {
         let d = s.d.normalize();
         SloshState {
-            tree: self.tree.restored(s.tree),
+            tree: self.tree.projected(s.tree),
             d,
             w: s.w - d * d.dot(&s.w),
         }

@@ -64,7 +64,7 @@ impl<const N: usize, const V: usize, T: Number> State<N, V, T> {
 
     /// The state with a quaternion of unit length.
     #[inline(always)]
-    pub fn restored(mut self) -> Self {
+    pub fn projected(mut self) -> Self {
         self.quat_nb = self.quat_nb.normalized();
         self
     }

@@ -89,7 +89,7 @@ fn static_and_dynamic_trees_have_the_same_bits() {
 /// The bits themselves, to detect a machine, a compiler or a build without FMA that gives different ones: 100 steps of
 /// the stock servicer, hashed.
 #[test]
-fn the_bits_of_a_short_motion_are_these() {
+fn short_motion_has_the_recorded_bits() {
     let tree = Tree::<9, 15>::new(&servicer()).expect("valid");
     let reference = &load_reference()[3];
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
@@ -208,12 +208,12 @@ fn trees_in_lanes<T: Lanes>(seed: u64) {
 }
 
 #[test]
-fn trees_of_one_shape_side_by_side_have_the_bits_of_each_alone() {
+fn batched_trees_have_the_bits_of_single_trees() {
     trees_in_lanes::<F64x4>(11);
 }
 
 #[test]
-fn trees_of_two_shapes_do_not_go_side_by_side() {
+fn trees_of_different_shapes_cannot_be_batched() {
     let mut rng = Rng::new(17);
     let one = Tree::<4, 10>::new(&mechanism(&mut rng, 4)).expect("valid");
     let (mut same, mut other) = (0, 0);

@@ -137,7 +137,7 @@ fn unexpanded_xacro_is_refused_at_every_place() {
 }
 
 #[test]
-fn what_is_not_modelled_is_warned_of_with_its_line() {
+fn unmodelled_content_is_warned_about_with_its_line() {
     let arm = link("arm", 1.0, [0.1; 3]) + "\n";
     let more = "<dynamics damping=\"1\" friction=\"0.5\" spring_stiffness=\"3\"/>\n<limit effort=\"1\" velocity=\"1\" jerk=\"3\"/><flex/>";
     let text =
@@ -169,14 +169,14 @@ fn what_is_not_modelled_is_warned_of_with_its_line() {
 }
 
 #[test]
-fn second_element_where_one_is_read_is_refused() {
+fn duplicate_element_is_rejected() {
     let text = robot("").replace("</inertial>", "</inertial>\n<inertial><mass value=\"1\"/></inertial>");
     let error = refused(&text);
     assert!(error.starts_with("line 3: link `hull`: a second <inertial>"), "{error}");
 }
 
 #[test]
-fn placeholder_that_vanishes_in_its_body_is_taken() {
+fn negligible_placeholder_link_is_accepted() {
     // a microgram with a physically impossible inertia, fixed to the hull
     let text = robot(&(link("imu", 1e-6, [1e-6, 0.0, 0.0]) + "\n" + &joint("fixed", "imu", "")));
     let reading = read(&text);
@@ -204,7 +204,7 @@ fn placeholder_that_vanishes_in_its_body_is_taken() {
 }
 
 #[test]
-fn unphysical_body_is_taken_when_that_is_asked_for() {
+fn unphysical_body_is_accepted_when_allowed() {
     let text = robot(&(link("arm", 1.0, [0.1, 0.1, 0.3]) + "\n" + &joint("continuous", "arm", "")));
     assert!(refused(&text).contains("triangle"));
     let reading = Description::read_urdf(&text, UrdfOptions { allow_unphysical: true }).unwrap();
@@ -219,7 +219,7 @@ fn unphysical_body_is_taken_when_that_is_asked_for() {
 }
 
 #[test]
-fn all_mistakes_are_told_at_once_each_with_its_line() {
+fn all_errors_are_reported_at_once_with_their_lines() {
     let text = "<robot name=\"r\">\n<link name=\"base\"/>\n<link name=\"arm\"><inertial><mass value=\"x\"/>\n\
          <inertia ixx=\"1\" iyy=\"y\" izz=\"1\" ixy=\"0\" ixz=\"0\"/></inertial></link>\n\
          <joint name=\"j\" type=\"planar\"><parent link=\"base\"/><child link=\"leg\"/>\n<axis xyz=\"0 0\"/></joint>\n\

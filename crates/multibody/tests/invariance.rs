@@ -208,14 +208,14 @@ proptest! {
         let other = DynState { q: less(&s.q, k), nu: less(&s.nu, 6 + k), ..s.clone() };
         let (whole, c) = DynTree::new(&d, true).expect("valid").mass_and_coriolis(&s);
         let (part, c_part) = DynTree::new(&frozen, true).expect("valid").mass_and_coriolis(&other);
-        let block = |m: &[Vec<f64>]| -> Vec<Vec<f64>> { less_rows(m, 6 + k).iter().map(|r| less(r, 6 + k)).collect() };
+        let block = |m: &[Vec<f64>]| -> Vec<Vec<f64>> { without_row_and_column(m, 6 + k).iter().map(|r| less(r, 6 + k)).collect() };
         let m = part.to_rows();
         prop_assert!(common::dense::matrix_error(&m, &m, &block(&whole.to_rows())) < 1e-13);
         prop_assert!(common::dense::matrix_error(&m, &c_part.to_rows(), &block(&c.to_rows())) < 1e-12);
     }
 }
 
-fn less_rows(m: &[Vec<f64>], at: usize) -> Vec<Vec<f64>> {
+fn without_row_and_column(m: &[Vec<f64>], at: usize) -> Vec<Vec<f64>> {
     m.iter()
         .enumerate()
         .filter(|(i, _)| *i != at)

@@ -16,7 +16,7 @@ struct Follower {
 }
 
 /// Some joints of `d` follow earlier ones, which may follow others in turn.
-fn follow(d: &mut Description, rng: &mut Rng, n: usize) -> Vec<Follower> {
+fn add_followers(d: &mut Description, rng: &mut Rng, n: usize) -> Vec<Follower> {
     let mut followers = Vec::new();
     for joint in 1..n {
         if !rng.chance(40) && joint + 1 < n {
@@ -40,7 +40,7 @@ fn follow(d: &mut Description, rng: &mut Rng, n: usize) -> Vec<Follower> {
 }
 
 /// The state of all joints from that of the independent ones: link by link, by definition.
-fn expanded(followers: &[Follower], s: &DynState, n: usize) -> DynState {
+fn full_state(followers: &[Follower], s: &DynState, n: usize) -> DynState {
     let mut all = DynState {
         q: vec![0.0; n],
         nu: s.nu[..6].to_vec(),
@@ -95,12 +95,12 @@ proptest! {
         let mut rng = Rng::new(seed);
         let mut d = mechanism(&mut rng, n);
         let free = DynTree::new(&d, true).expect("valid");
-        let followers = follow(&mut d, &mut rng, n);
+        let followers = add_followers(&mut d, &mut rng, n);
         let tied = DynTree::new(&d, true).expect("valid");
         let own = n - followers.len();
         prop_assert_eq!((tied.joints(), tied.dim(), d.dof()), (own, 6 + own, own));
         let s = state(&mut rng, own);
-        let all = expanded(&followers, &s, n);
+        let all = full_state(&followers, &s, n);
         let tau = rng.list(6 + own, 5.0);
         // the drives of the independent joints
         let is_own = |joint: &usize| followers.iter().all(|f| f.joint != *joint);
@@ -191,7 +191,7 @@ fn gripper_of_two_fingers_has_one_coordinate() {
 }
 
 #[test]
-fn follower_of_nothing_or_of_itself_is_refused() {
+fn mimic_of_missing_joint_or_itself_is_rejected() {
     let refused = |from: &str, to: &str| {
         Description::from_urdf(&GRIPPER.replace(from, to))
             .unwrap_err()

@@ -3,16 +3,16 @@
 mod common;
 
 use common::servicer;
-use multibody::{Description, Flow, Inertia, Method, Quaternion, State, Tree, dop853, rk4};
+use multibody::{Description, Inertia, Method, OdeSystem, Quaternion, State, Tree, dop853, rk4};
 use nalgebra::{Matrix3, SVector, Vector3};
 
 type Servicer = Tree<9, 15>;
-type Here = State<9, 15>;
+type ServicerState = State<9, 15>;
 
 const H: f64 = 1e-3;
 
 /// A gentle tumble with every joint moving and the bob swinging, as in a capture.
-fn start() -> Here {
+fn start() -> ServicerState {
     let mut s = State::rest();
     s.p_nb = Vector3::new(-0.42, 0.1, -2.85);
     s.quat_nb = Quaternion {
@@ -38,7 +38,7 @@ fn undamped() -> Servicer {
 }
 
 /// Momenta in world axes and kinetic energy.
-fn invariants(tree: &Servicer, s: &Here) -> (Vector3<f64>, Vector3<f64>, f64) {
+fn invariants(tree: &Servicer, s: &ServicerState) -> (Vector3<f64>, Vector3<f64>, f64) {
     let k = tree.kinematics(&s.q, &s.nu);
     let m = tree.momentum(&k);
     (
@@ -71,31 +71,31 @@ fn free_motion_for_a_minute_conserves_momentum_and_energy() {
 }
 
 /// The stock servicer with the work of its dampers as one more coordinate, integrated by the same method.
-struct Metered(Servicer);
+struct WithDissipatedEnergy(Servicer);
 
-impl Flow for Metered {
-    type State = (Here, f64);
-    type Rate = (<Servicer as Flow>::Rate, f64);
+impl OdeSystem for WithDissipatedEnergy {
+    type State = (ServicerState, f64);
+    type Rate = (<Servicer as OdeSystem>::Rate, f64);
     type Force = SVector<f64, 15>;
 
     fn rate(&self, s: &Self::State, tau: &Self::Force) -> Self::Rate {
         (self.0.rate(&s.0, tau), self.0.damper_power(&s.0.nu))
     }
-    fn moved(&self, s: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State {
+    fn plus_rates(&self, s: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State {
         let mut out = *s;
         for (k, r) in by {
-            out = (self.0.moved(&out.0, &[(*k, &r.0)]), out.1 + k * r.1);
+            out = (self.0.plus_rates(&out.0, &[(*k, &r.0)]), out.1 + k * r.1);
         }
         out
     }
-    fn restored(&self, s: Self::State) -> Self::State {
-        (self.0.restored(s.0), s.1)
+    fn projected(&self, s: Self::State) -> Self::State {
+        (self.0.projected(s.0), s.1)
     }
 }
 
 #[test]
 fn energy_lost_is_the_work_of_the_dampers() {
-    let tree = Metered(Tree::new(&servicer()).expect("valid"));
+    let tree = WithDissipatedEnergy(Tree::new(&servicer()).expect("valid"));
     let tau = SVector::zeros();
     let mut s = (start(), 0.0);
     let (_, _, e0) = invariants(&tree.0, &s.0);
@@ -112,18 +112,25 @@ fn energy_lost_is_the_work_of_the_dampers() {
     assert!(worst < 1e-12, "{worst:e}");
 }
 
-fn distance(a: &Here, b: &Here) -> f64 {
+fn distance(a: &ServicerState, b: &ServicerState) -> f64 {
     let turn = a.quat_nb.conjugate().times(b.quat_nb);
     let turn = 2.0 * (turn.x * turn.x + turn.y * turn.y + turn.z * turn.z).sqrt();
     (a.p_nb - b.p_nb).norm() + turn + (a.q - b.q).norm() + (a.nu - b.nu).norm()
 }
 
-fn run(tree: &Servicer, method: Method, s: &Here, tau: &SVector<f64, 15>, h: f64, steps: usize) -> Here {
+fn run(
+    tree: &Servicer,
+    method: Method,
+    s: &ServicerState,
+    tau: &SVector<f64, 15>,
+    h: f64,
+    steps: usize,
+) -> ServicerState {
     (0..steps).fold(*s, |s, _| tree.step(method, &s, tau, h))
 }
 
 /// Brisk enough for truncation to stand far above rounding, forces held.
-fn brisk() -> (Here, SVector<f64, 15>) {
+fn fast_motion() -> (ServicerState, SVector<f64, 15>) {
     let mut s = start();
     s.nu *= 8.0;
     (
@@ -137,7 +144,7 @@ fn brisk() -> (Here, SVector<f64, 15>) {
 #[test]
 fn observed_orders() {
     let tree = Tree::new(&servicer()).expect("valid");
-    let (s, tau) = brisk();
+    let (s, tau) = fast_motion();
     let t = 0.8;
     let truth = run(&tree, Method::Dop853, &s, &tau, t / 800.0, 800);
     // at steps this long dop853's eighth-order error does not yet dominate, and at shorter ones rounding does

@@ -37,7 +37,7 @@ fn servicer() -> (f64, Matrix3<f64>) {
 }
 
 #[test]
-fn tide_on_the_servicer_is_within_the_bounds_of_the_page() {
+fn tide_on_the_servicer_is_within_documented_bounds() {
     let (mass, inertia) = servicer();
     assert!((mass - 450.2).abs() < 0.05, "{mass} kg");
     let tide = 2.0 * rate_squared() * Vector3::from(FAR).norm() * mass;
@@ -72,7 +72,7 @@ fn drift(offset: Vector3<f64>) -> f64 {
 }
 
 #[test]
-fn free_drift_within_a_far_capture_is_that_of_the_tide() {
+fn free_drift_in_a_far_capture_matches_the_tide() {
     let (r, n) = (Vector3::from(FAR).norm(), rate_squared().sqrt());
     let (up, along) = (drift(Vector3::new(r, 0.0, 0.0)), drift(Vector3::new(0.0, r, 0.0)));
     println!("drift {up:.4} m up, {along:.4} m along");

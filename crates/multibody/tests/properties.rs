@@ -52,7 +52,7 @@ proptest! {
     #![proptest_config(cases())]
 
     #[test]
-    fn everything_agrees_with_the_slow_reference(seed: u64, n in 1_usize..=12) {
+    fn algorithms_agree_with_the_slow_reference(seed: u64, n in 1_usize..=12) {
         let Case { d, tree, s, m, .. } = case(seed, n);
         let Slow { mass, bias, energy, linear_n, angular_com_n, com_n, poses } = evaluate(&d, &s);
         prop_assert!(matrix_error(&mass, &m, &mass) < 1e-13);
@@ -96,7 +96,7 @@ proptest! {
 
     /// Either property alone can be satisfied by a wrong C.
     #[test]
-    fn coriolis_matrix_gives_the_bias_and_its_symmetric_part_the_rate_of_m(seed: u64, n in 1_usize..=12) {
+    fn coriolis_matrix_gives_bias_and_rate_of_mass_matrix(seed: u64, n in 1_usize..=12) {
         let Case { tree, s, m, c, .. } = case(seed, n);
         let bias = tree.bias(&s);
         let cv = times(&c, &s.nu);
@@ -110,7 +110,7 @@ proptest! {
     }
 
     #[test]
-    fn coriolis_matrix_is_the_christoffel_one(seed: u64, n in 1_usize..=12) {
+    fn coriolis_matrix_is_christoffel_consistent(seed: u64, n in 1_usize..=12) {
         let Case { mut rng, tree, s, m, .. } = case(seed, n);
         let other = DynState { nu: rng.list(n + 6, 1.5), ..s.clone() };
         let zero = vec![0.0; n + 6];
@@ -127,7 +127,7 @@ proptest! {
     }
 
     #[test]
-    fn one_pass_is_m_a_plus_c_nu_r(seed: u64, n in 1_usize..=12) {
+    fn one_pass_product_is_m_a_plus_c_nu_r(seed: u64, n in 1_usize..=12) {
         let Case { mut rng, tree, s, m, c, .. } = case(seed, n);
         let (a, nu_r) = (rng.list(n + 6, 2.0), rng.list(n + 6, 2.0));
         let (ma, cr) = (times(&m, &a), times(&c, &nu_r));
@@ -154,7 +154,7 @@ proptest! {
     }
 
     #[test]
-    fn jacobian_is_the_derivative_of_the_pose_and_its_rate_the_derivative_of_it(seed: u64, n in 1_usize..=12) {
+    fn jacobian_and_rate_are_derivatives_of_the_pose(seed: u64, n in 1_usize..=12) {
         let Case { tree, s, .. } = case(seed, n);
         let frame = tree.frame("tip").expect("it was put there");
         let (j, j_rate) = tree.jacobian_and_rate(&s, frame);
@@ -191,7 +191,7 @@ proptest! {
 
     /// The base's position and a velocity common to all bodies do not change the motion of the joints by a single bit.
     #[test]
-    fn where_the_base_is_and_how_fast_it_flies_costs_no_digit(seed: u64, n in 1_usize..=12) {
+    fn base_position_and_speed_cost_no_accuracy(seed: u64, n in 1_usize..=12) {
         let Case { mut rng, tree, s, m, .. } = case(seed, n);
         let tau = rng.list(n + 6, 5.0);
         let near = tree.forward_dynamics(&s, &tau);
@@ -211,7 +211,7 @@ proptest! {
     }
 
     #[test]
-    fn not_a_number_in_gives_not_a_number_out(seed: u64, n in 1_usize..=12, poison in 0_usize..3, bad: bool) {
+    fn nan_input_gives_nan_output(seed: u64, n in 1_usize..=12, poison in 0_usize..3, bad: bool) {
         let Case { mut rng, tree, mut s, .. } = case(seed, n);
         let mut tau = rng.list(n + 6, 5.0);
         let value = if bad { f64::NAN } else { f64::INFINITY };

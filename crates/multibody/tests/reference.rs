@@ -9,10 +9,10 @@ use nalgebra::{SMatrix, SVector};
 
 type M15 = SMatrix<f64, 15, 15>;
 
-struct Worst(Vec<(&'static str, f64, f64)>);
+struct WorstErrors(Vec<(&'static str, f64, f64)>);
 
-impl Worst {
-    fn note(&mut self, what: &'static str, error: f64, limit: f64) {
+impl WorstErrors {
+    fn record(&mut self, what: &'static str, error: f64, limit: f64) {
         match self.0.iter_mut().find(|w| w.0 == what) {
             Some(w) => w.1 = if error.is_nan() { error } else { w.1.max(error) },
             None => self.0.push((what, error, limit)),
@@ -20,7 +20,7 @@ impl Worst {
     }
 }
 
-impl Drop for Worst {
+impl Drop for WorstErrors {
     fn drop(&mut self) {
         for (what, error, limit) in &self.0 {
             println!("{what:<24} {error:9.2e}   limit {limit:.0e}");
@@ -36,7 +36,7 @@ impl Drop for Worst {
 #[test]
 fn every_quantity_of_the_reference_states() {
     let tree = Servicer::new(&servicer()).unwrap();
-    let mut worst = Worst(Vec::new());
+    let mut worst = WorstErrors(Vec::new());
     for one in load_reference() {
         dynamics(&tree, &one, &mut worst);
         end_effector(&tree, &one, &mut worst);
@@ -46,7 +46,7 @@ fn every_quantity_of_the_reference_states() {
 
 type Servicer = Tree<9, 15>;
 
-fn dynamics(tree: &Servicer, one: &Reference, worst: &mut Worst) {
+fn dynamics(tree: &Servicer, one: &Reference, worst: &mut WorstErrors) {
     let Reference {
         state,
         tau,
@@ -60,7 +60,7 @@ fn dynamics(tree: &Servicer, one: &Reference, worst: &mut Worst) {
     for i in 0..15 {
         for l in 0..15 {
             let scale = (mass[(i, i)] * mass[(l, l)]).sqrt();
-            worst.note("mass matrix", (m[(i, l)] - mass[(i, l)]).abs() / scale, 1e-13);
+            worst.record("mass matrix", (m[(i, l)] - mass[(i, l)]).abs() / scale, 1e-13);
         }
     }
     assert_eq!(m, tree.mass_matrix(&state.q));
@@ -72,46 +72,46 @@ fn dynamics(tree: &Servicer, one: &Reference, worst: &mut Worst) {
             error.norm()
         }
     };
-    worst.note("bias", relative(tree.bias(&state.q, &state.nu) - bias), 1e-12);
-    worst.note("C nu", relative(c * state.nu - bias), 1e-12);
-    worst.note(
+    worst.record("bias", relative(tree.bias(&state.q, &state.nu) - bias), 1e-12);
+    worst.record("C nu", relative(c * state.nu - bias), 1e-12);
+    worst.record(
         "one pass",
         relative(tree.mass_coriolis_product(&state.q, &state.nu, &SVector::zeros(), &state.nu) - bias),
         1e-12,
     );
     let acc = tree.aba(&state.q, &state.nu, tau);
-    worst.note(
+    worst.record(
         "acceleration",
         m_norm(mass, &(acc - acceleration)) / m_norm(mass, acceleration),
         1e-11,
     );
     let back = tree.rnea(&state.q, &state.nu, &acc) - tree.passive_force(&state.q, &state.nu);
-    worst.note(
+    worst.record(
         "rnea of acceleration",
         m_inv_norm(mass, &(back - tau)) / m_inv_norm(mass, tau),
         1e-11,
     );
 }
 
-fn end_effector(tree: &Servicer, one: &Reference, worst: &mut Worst) {
+fn end_effector(tree: &Servicer, one: &Reference, worst: &mut WorstErrors) {
     let Reference {
         state, p, r, j, j_rate, ..
     } = one;
     let frame = tree.frame("end_effector").unwrap();
     let k = tree.kinematics(&state.q, &state.nu);
     let at = tree.placement_in_world(state, frame);
-    worst.note("pose: position", (at.p - p).norm() / p.norm(), 1e-13);
-    worst.note("pose: rotation", (at.r - r).amax(), 1e-13);
-    worst.note("jacobian", (tree.jacobian(&k, frame) - j).amax() / j.amax(), 1e-13);
+    worst.record("pose: position", (at.p - p).norm() / p.norm(), 1e-13);
+    worst.record("pose: rotation", (at.r - r).amax(), 1e-13);
+    worst.record("jacobian", (tree.jacobian(&k, frame) - j).amax() / j.amax(), 1e-13);
     let scale = j_rate.amax().max(f64::MIN_POSITIVE);
-    worst.note(
+    worst.record(
         "jacobian rate",
         (tree.jacobian_rate(&k, frame) - j_rate).amax() / scale,
         1e-12,
     );
 }
 
-fn momenta(tree: &Servicer, one: &Reference, worst: &mut Worst) {
+fn momenta(tree: &Servicer, one: &Reference, worst: &mut WorstErrors) {
     let Reference {
         state,
         mass,
@@ -127,24 +127,24 @@ fn momenta(tree: &Servicer, one: &Reference, worst: &mut Worst) {
         state.quat_nb.rotate(&momentum.linear_b),
         state.quat_nb.rotate(&momentum.angular_b),
     );
-    worst.note("linear momentum", (l - linear).norm() / linear.norm().max(1e-30), 1e-13);
-    worst.note(
+    worst.record("linear momentum", (l - linear).norm() / linear.norm().max(1e-30), 1e-13);
+    worst.record(
         "angular momentum",
         (h - angular).norm() / angular.norm().max(1e-30),
         1e-13,
     );
-    worst.note(
+    worst.record(
         "centre of mass",
         (tree.com_in_world(state) - com).norm() / com.norm(),
         1e-13,
     );
-    worst.note(
+    worst.record(
         "kinetic energy",
         (tree.kinetic_energy(&k) - energy).abs() / energy.max(1e-30),
         1e-13,
     );
     let half: M15 = *mass * 0.5;
-    worst.note(
+    worst.record(
         "1/2 nu M nu",
         ((state.nu.transpose() * half * state.nu)[0] - tree.kinetic_energy(&k)).abs() / energy.max(1e-30),
         1e-13,

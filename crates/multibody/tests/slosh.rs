@@ -12,7 +12,7 @@ type Spherical = SloshTree<7, 13>;
 
 /// Both models of one bob: without inertia about its rod (which the spherical model lacks) and without dampers (the hinges'
 /// act on hinge rates, the spherical pendulum's on the bob's rate).
-fn both(damping: f64, stiffness: f64) -> (Hinged, Spherical) {
+fn pendulum_models(damping: f64, stiffness: f64) -> (Hinged, Spherical) {
     let mut hinged = servicer();
     for joint in ["slosh_y", "slosh_x"] {
         hinged.set_damping(joint, damping).expect("it exists");
@@ -56,8 +56,8 @@ fn start(q: [f64; 2], rates: [f64; 2]) -> (State<9, 15>, SloshState<7, 13>) {
 }
 
 #[test]
-fn both_agree_where_both_are_regular() {
-    let (hinged, spherical) = both(0.0, 0.0);
+fn pendulum_models_agree_where_both_are_regular() {
+    let (hinged, spherical) = pendulum_models(0.0, 0.0);
     let (mut a, mut b) = start([0.4, -0.5], [0.6, -0.3]);
     let (tau, tau7) = (SVector::zeros(), SVector::zeros());
     let mut worst = 0.0_f64;
@@ -76,7 +76,7 @@ fn both_agree_where_both_are_regular() {
 /// With springs and dampers the two models differ to second order in the angles.
 #[test]
 fn small_swings_with_spring_and_damper_agree_to_second_order() {
-    let (hinged, spherical) = both(0.0131, 0.5);
+    let (hinged, spherical) = pendulum_models(0.0131, 0.5);
     let swing = |size: f64| {
         let (mut a, mut b) = start([0.5 * size, size], [0.0, 0.0]);
         a.nu.fill(0.0);
@@ -98,7 +98,7 @@ fn small_swings_with_spring_and_damper_agree_to_second_order() {
 
 #[test]
 fn the_spherical_pendulum_conserves_through_the_pole() {
-    let (_, spherical) = both(0.0, 0.0);
+    let (_, spherical) = pendulum_models(0.0, 0.0);
     // towards the pole of the first hinge (d = +y), which it narrowly misses
     let (_, mut s) = start([1e-6, 0.2], [0.0, 1.5]);
     s.tree.nu.fill(0.0);
@@ -128,8 +128,8 @@ fn the_spherical_pendulum_conserves_through_the_pole() {
 }
 
 #[test]
-fn the_two_hinges_do_not() {
-    let (hinged, spherical) = both(0.0, 0.0);
+fn two_hinge_pendulum_does_not_conserve_through_the_pole() {
+    let (hinged, spherical) = pendulum_models(0.0, 0.0);
     let (mut a, mut b) = start([0.0, 1.2], [0.02, 1.5]);
     a.nu.fixed_rows_mut::<13>(0).fill(0.0);
     b.tree.nu.fill(0.0);
@@ -148,8 +148,8 @@ fn the_two_hinges_do_not() {
 }
 
 #[test]
-fn a_wrong_pendulum_is_refused_by_name() {
-    let (_, good) = both(0.0, 0.0);
+fn invalid_pendulum_parameter_is_rejected_by_name() {
+    let (_, good) = pendulum_models(0.0, 0.0);
     let refused = |change: &dyn Fn(&mut SphericalSlosh)| {
         let mut slosh = *good.slosh();
         change(&mut slosh);

@@ -33,7 +33,7 @@ fn check(from: &str, to: &str, words: &[&str]) {
 }
 
 #[test]
-fn the_plain_one_is_fine() {
+fn valid_description_is_accepted() {
     let d = Description::from_urdf(PLAIN).expect("valid");
     assert_eq!((d.dof(), d.links.len(), d.joints[0].kind), (1, 2, JointKind::Revolute));
 }
@@ -120,7 +120,7 @@ const REFUSED: [(&str, &str, &[&str]); 20] = [
 ];
 
 #[test]
-fn refusals_name_the_culprit_and_a_remedy() {
+fn errors_name_the_element_and_a_remedy() {
     for (from, to, words) in REFUSED {
         check(from, to, words);
     }
@@ -174,7 +174,7 @@ fn massless_bodies_may_carry_but_not_end_a_chain() {
 }
 
 #[test]
-fn a_tree_of_the_wrong_size_says_which_joints_there_are() {
+fn tree_of_wrong_size_lists_the_joints() {
     let error = Tree::<2, 8>::new(&Description::from_urdf(PLAIN).expect("valid"))
         .unwrap_err()
         .to_string();
@@ -226,7 +226,7 @@ fn the_controllers_model_has_the_propellant_frozen() {
 }
 
 #[test]
-fn mismatch_scales_what_it_says() {
+fn mismatch_scales_the_named_quantities() {
     let mut d = servicer();
     d.scale_mass("tool", 1.5)
         .and_then(|d| d.scale_inertia("link_1", 2.0))

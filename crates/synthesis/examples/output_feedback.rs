@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use synthesis::matrices::PlantMatrices;
-use synthesis::tuner::{Flow, Options, tune};
+use synthesis::tuner::{Options, SearchControl, tune};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let tuned = plant
             .static_output_feedback()
             .map_err(|e| e.to_string())
-            .and_then(|p| tune(&p, &options, &|_| Flow::Continue).map_err(|e| e.to_string()));
+            .and_then(|p| tune(&p, &options, &|_| SearchControl::Continue).map_err(|e| e.to_string()));
         let seconds = clock.elapsed().as_secs_f64();
         match tuned {
             Ok(t) => {

@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use synthesis::matrices::PlantMatrices;
-//! use synthesis::tuner::{Flow, Options, tune};
+//! use synthesis::tuner::{Options, SearchControl, tune};
 //!
 //! // ẋ = −2 x + w + u, z = (x, u), y = x: the best static gain is −1/2, with gamma = 1/√5.
 //! let plant = PlantMatrices {
@@ -15,7 +15,7 @@
 //!     d12: vec![vec![0.0], vec![1.0]],
 //!     ..PlantMatrices::default()
 //! };
-//! let tuned = tune(&plant.static_output_feedback()?, &Options::default(), &|_progress| Flow::Continue)?;
+//! let tuned = tune(&plant.static_output_feedback()?, &Options::default(), &|_progress| SearchControl::Continue)?;
 //! assert!((tuned.evaluation.gamma - 0.2f64.sqrt()).abs() < 1e-6);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -39,6 +39,7 @@
 
 pub mod balance;
 pub mod delay;
+mod double_double;
 pub mod full_order;
 pub mod interconnect;
 pub mod linalg;
@@ -46,7 +47,6 @@ pub mod matrices;
 pub mod mu;
 pub mod norm;
 mod parallel;
-mod precise;
 pub mod reduce;
 mod rng;
 pub mod robot;

@@ -15,7 +15,7 @@ use crate::tuner::{Channel, GainBlock, GainKind, Model, Problem};
 /// `D22`, and optionally `name` and `K` (a start gain). The additional keys of published collections are accepted: `source` is
 /// skipped, and the sizes `nx`, `nw`, `nu`, `nz`, `ny` must agree with the matrices. Every other key is an error.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Listed")]
+#[serde(try_from = "RawPlantMatrices")]
 #[allow(missing_docs)]
 pub struct PlantMatrices {
     #[serde(default)]
@@ -66,7 +66,7 @@ pub enum KeyError {
 
 /// Raw content of a file.
 #[derive(Deserialize)]
-struct Listed {
+struct RawPlantMatrices {
     #[serde(default)]
     name: String,
     #[serde(rename = "A")]
@@ -100,10 +100,10 @@ struct Listed {
     others: BTreeMap<String, IgnoredAny>,
 }
 
-impl TryFrom<Listed> for PlantMatrices {
+impl TryFrom<RawPlantMatrices> for PlantMatrices {
     type Error = KeyError;
 
-    fn try_from(l: Listed) -> Result<Self, KeyError> {
+    fn try_from(l: RawPlantMatrices) -> Result<Self, KeyError> {
         if let Some(key) = l.others.into_keys().next() {
             return Err(KeyError::Unknown(key));
         }

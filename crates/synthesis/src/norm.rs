@@ -56,7 +56,7 @@ pub fn hinf_norm(g: &StateSpace, tolerance: f64) -> Result<HinfNorm, NormError> 
     }
     let mut start = vec![0.0, f64::INFINITY];
     start.extend(peak_guesses(&poles));
-    Ok(climb(&g, tolerance, &start)?)
+    Ok(level_set_iteration(&g, tolerance, &start)?)
 }
 
 /// Frequencies at which a system with these poles may peak, sorted and thinned.
@@ -78,14 +78,14 @@ pub(crate) fn peak_guesses(poles: &[c64]) -> Vec<f64> {
 }
 
 /// The level-set iteration on a stable, balanced system from a set of starting frequencies.
-pub(crate) fn climb(g: &StateSpace, tolerance: f64, start: &[f64]) -> Result<HinfNorm, LinalgError> {
+pub(crate) fn level_set_iteration(g: &StateSpace, tolerance: f64, start: &[f64]) -> Result<HinfNorm, LinalgError> {
     let mut best = HinfNorm {
         gain: 0.0,
         omega: 0.0,
         upper: 0.0,
     };
     for &omega in start {
-        raise(g, omega, &mut best)?;
+        update_peak(g, omega, &mut best)?;
     }
     let tiny = f64::MIN_POSITIVE.sqrt();
     // Convergence is quadratic: the bound is only there for degenerate rounding.
@@ -94,10 +94,10 @@ pub(crate) fn climb(g: &StateSpace, tolerance: f64, start: &[f64]) -> Result<Hin
         let crossings = level_crossings(g, level)?;
         let before = best.gain;
         for pair in crossings.windows(2) {
-            raise(g, 0.5 * (pair[0] + pair[1]), &mut best)?;
+            update_peak(g, 0.5 * (pair[0] + pair[1]), &mut best)?;
         }
         for &omega in &crossings {
-            raise(g, omega, &mut best)?;
+            update_peak(g, omega, &mut best)?;
         }
         if best.gain <= before * (1.0 + 0.5 * tolerance) {
             break;
@@ -107,7 +107,7 @@ pub(crate) fn climb(g: &StateSpace, tolerance: f64, start: &[f64]) -> Result<Hin
     Ok(best)
 }
 
-fn raise(g: &StateSpace, omega: f64, best: &mut HinfNorm) -> Result<(), LinalgError> {
+fn update_peak(g: &StateSpace, omega: f64, best: &mut HinfNorm) -> Result<(), LinalgError> {
     let gain = gain_at(g, omega)?;
     if gain > best.gain {
         best.gain = gain;

@@ -6,19 +6,19 @@ use crate::state_space::StateSpace;
 /// The same transfer matrix without the states that no input reaches or that reach no output, found by following
 /// nonzero entries of A, B and C. Exact, because only zeros are dropped. This removes weights that a channel does not
 /// use, and the Hamiltonian of that channel shrinks by twice their order.
-pub fn on_path(g: &StateSpace) -> StateSpace {
+pub fn without_unconnected_states(g: &StateSpace) -> StateSpace {
     let n = g.states();
-    let reached = spread(
+    let reached = reachable_states(
         n,
         |i| (0..g.inputs()).any(|j| g.b[(i, j)] != 0.0),
         |from, to| g.a[(to, from)] != 0.0,
     );
-    let seen = spread(
+    let observed = reachable_states(
         n,
         |i| (0..g.outputs()).any(|j| g.c[(j, i)] != 0.0),
         |from, to| g.a[(from, to)] != 0.0,
     );
-    let keep: Vec<usize> = (0..n).filter(|&i| reached[i] && seen[i]).collect();
+    let keep: Vec<usize> = (0..n).filter(|&i| reached[i] && observed[i]).collect();
     if keep.len() == n {
         return g.clone();
     }
@@ -31,7 +31,7 @@ pub fn on_path(g: &StateSpace) -> StateSpace {
     }
 }
 
-fn spread(n: usize, seed: impl Fn(usize) -> bool, edge: impl Fn(usize, usize) -> bool) -> Vec<bool> {
+fn reachable_states(n: usize, seed: impl Fn(usize) -> bool, edge: impl Fn(usize, usize) -> bool) -> Vec<bool> {
     let mut marked: Vec<bool> = (0..n).map(seed).collect();
     let mut queue: Vec<usize> = (0..n).filter(|&i| marked[i]).collect();
     while let Some(from) = queue.pop() {

@@ -127,7 +127,7 @@ fn inner_plant_has_optimum_one() {
 #[test]
 fn single_right_zero_gives_the_plant_there() {
     let mut state = 7u64;
-    let mut draw = || {
+    let mut next_random = || {
         state = state
             .wrapping_mul(6364136223846793005)
             .wrapping_add(1442695040888963407);
@@ -136,7 +136,7 @@ fn single_right_zero_gives_the_plant_there() {
     let mut seen = [0; 2];
     for _ in 0..4000 {
         let n = 1 + seen[0] % 4;
-        let mut matrix = |rows, columns| Matrix::from_fn(rows, columns, |_, _| draw());
+        let mut matrix = |rows, columns| Matrix::from_fn(rows, columns, |_, _| next_random());
         let a = matrix(n, n) - Matrix::identity(n, n) * faer::Scale(0.8f64);
         let (b, c) = (matrix(n, 2), matrix(2, n));
         let d = from_rows(&[vec![0.0, 1.0], vec![1.0, 0.0]]).unwrap();

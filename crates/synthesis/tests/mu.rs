@@ -9,7 +9,7 @@ use synthesis::linalg::{
 use synthesis::mu::{Block, Margin, MarginOptions, MuError, Structure, lower_bound, margin, upper_bound};
 use synthesis::state_space::StateSpace;
 
-fn close(found: f64, expected: f64, relative: f64) {
+fn assert_close(found: f64, expected: f64, relative: f64) {
     assert!(
         (found - expected).abs() <= relative * expected.abs(),
         "found {found:.10}, expected {expected:.10}"
@@ -54,21 +54,21 @@ fn single_blocks_have_closed_forms() {
     let m = to_complex(&from_rows(&[vec![1.0, 2.0, 0.0], vec![-3.0, 1.0, 1.0], vec![0.5, 0.0, -2.2]]).unwrap());
     let (lower, upper) = bounds(&m, &[Block::Full { rows: 3, columns: 3 }]);
     let sigma = singular_values(&m).unwrap()[0];
-    close(upper, sigma, 1e-6);
-    close(lower, sigma, 1e-6);
+    assert_close(upper, sigma, 1e-6);
+    assert_close(lower, sigma, 1e-6);
     let eigenvalues = eigenvalues_complex(&m).unwrap();
     let radius = eigenvalues.iter().map(|l| l.norm()).fold(0.0, f64::max);
     let (lower, upper) = bounds(&m, &[Block::Complex(3)]);
-    close(upper, radius, 1e-4);
-    close(lower, radius, 1e-6);
+    assert_close(upper, radius, 1e-4);
+    assert_close(lower, radius, 1e-6);
     let real = eigenvalues
         .iter()
         .filter(|l| l.im.abs() < 1e-12)
         .map(|l| l.re.abs())
         .fold(0.0, f64::max);
     let (lower, upper) = bounds(&m, &[Block::Real(3)]);
-    close(upper, real, 1e-3);
-    close(lower, real, 1e-9);
+    assert_close(upper, real, 1e-3);
+    assert_close(lower, real, 1e-9);
     assert!(real < radius);
 }
 
@@ -84,12 +84,12 @@ fn rank_one_and_triangular_matrices() {
     let m = CMatrix::from_fn(3, 3, |i, j| at(u[i]) * at(v[j]));
     let expected: f64 = (0..3).map(|i| (at(u[i]) * at(v[i])).norm()).sum();
     let (lower, upper) = bounds(&m, &[Block::Complex(1); 3]);
-    close(lower, expected, 1e-6);
-    close(upper, expected, 1e-5);
+    assert_close(lower, expected, 1e-6);
+    assert_close(upper, expected, 1e-5);
     let triangular =
         to_complex(&from_rows(&[vec![0.5, 10.0, 100.0], vec![0.0, -0.7, 10.0], vec![0.0, 0.0, 0.6]]).unwrap());
     let (lower, upper) = bounds(&triangular, &[Block::Complex(1); 3]);
-    close(lower, 0.7, 1e-5);
+    assert_close(lower, 0.7, 1e-5);
     assert!((0.7..0.75).contains(&upper), "{upper}");
 }
 
@@ -115,8 +115,8 @@ fn morton_and_doyle_gap_of_four_blocks() {
     ];
     let m = CMatrix::from_fn(4, 4, |i, j| u[i][0] * v[j][0].conj() + u[i][1] * v[j][1].conj());
     let (lower, upper) = bounds(&m, &[Block::Complex(1); 4]);
-    close(upper, 1.0, 1e-5);
-    close(lower, 0.8723, 1e-3);
+    assert_close(upper, 1.0, 1e-5);
+    assert_close(lower, 0.8723, 1e-3);
 }
 
 /// The worked example of SLICOT's AB13MD: two real scalars, a full 2 × 2 block, two complex scalars; printed 41.74753408.
@@ -167,7 +167,7 @@ fn mixed_blocks_of_the_slicot_example() {
         Block::Complex(1),
     ];
     let (lower, upper) = bounds(&complex(&rows), &blocks);
-    close(upper, 41.74753408, 1e-5);
+    assert_close(upper, 41.74753408, 1e-5);
     assert!(lower > 0.5 * upper, "{lower}");
 }
 
@@ -186,9 +186,9 @@ fn one_complex_and_one_real_scalar_are_exact() {
     for (rows, known) in cases {
         let m = complex(&[&rows[0], &rows[1]]);
         let (lower, upper) = bounds(&m, &[Block::Full { rows: 1, columns: 1 }, Block::Real(1)]);
-        close(upper, known, 1e-6);
-        close(lower, known, 1e-6);
-        close(least_bound(&m), known, 1e-6);
+        assert_close(upper, known, 1e-6);
+        assert_close(lower, known, 1e-6);
+        assert_close(least_bound(&m), known, 1e-6);
     }
 }
 
@@ -237,7 +237,7 @@ fn least_bound(m: &CMatrix) -> f64 {
 }
 
 /// Numbers in [−1, 1], the same on every machine.
-fn draws(seed: u64) -> impl FnMut() -> f64 {
+fn random_numbers(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
     move || {
         state = state
@@ -247,17 +247,19 @@ fn draws(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-fn random(draw: &mut impl FnMut() -> f64, rows: usize, columns: usize) -> CMatrix {
-    CMatrix::from_fn(rows, columns, |_, _| c64::new(draw(), draw()))
+fn random(next_random: &mut impl FnMut() -> f64, rows: usize, columns: usize) -> CMatrix {
+    CMatrix::from_fn(rows, columns, |_, _| c64::new(next_random(), next_random()))
 }
 
 /// A brute-force search finds no better scalings, on matrices with entries over two decades, and the returned scalings are a proof.
 #[test]
 fn upper_bound_is_the_least_over_d_and_g() {
-    let mut draw = draws(3);
+    let mut next_random = random_numbers(3);
     for (full, count) in [(1, 60), (2, 30), (3, 10)] {
         for _ in 0..count {
-            let m = CMatrix::from_fn(full + 1, full + 1, |_, _| c64::new(draw(), draw()) * 10f64.powf(draw()));
+            let m = CMatrix::from_fn(full + 1, full + 1, |_, _| {
+                c64::new(next_random(), next_random()) * 10f64.powf(next_random())
+            });
             let known = least_bound(&m);
             let s = structure(&[
                 Block::Full {
@@ -315,11 +317,11 @@ fn unbounded(x: f64) -> f64 {
 /// With one full block and one real scalar there is no gap (Meinsma, Shrivastava and Fu 1997): the bound is mu itself.
 #[test]
 fn upper_bound_is_mu_for_a_real_and_a_complex_scalar() {
-    let mut draw = draws(29);
+    let mut next_random = random_numbers(29);
     for _ in 0..60 {
-        let m = random(&mut draw, 2, 2);
+        let m = random(&mut next_random, 2, 2);
         let upper = upper_bound(&m, &structure(&[Block::Real(1), Block::Complex(1)]), 1e-7).unwrap();
-        close(upper.value, exact_mu(&m), 1e-6);
+        assert_close(upper.value, exact_mu(&m), 1e-6);
     }
 }
 
@@ -333,12 +335,12 @@ fn upper_bound_is_exact_for_few_blocks() {
         vec![full(2, 1), full(1, 2), Block::Complex(1)],
         vec![Block::Complex(2), full(1, 1)],
     ];
-    let mut draw = draws(11);
+    let mut next_random = random_numbers(11);
     for blocks in structures {
         let s = structure(&blocks);
         let mut apart = 0;
         for _ in 0..20 {
-            let m = random(&mut draw, s.columns(), s.rows());
+            let m = random(&mut next_random, s.columns(), s.rows());
             let (lower, upper) = bounds(&m, &blocks);
             assert!(lower > 0.9 * upper, "{blocks:?}: {lower} {upper}");
             // The search for a perturbation may end at a lower local maximum, but not in all cases.
@@ -358,7 +360,7 @@ fn checked_margin(m: &StateSpace, s: &Structure, options: &MarginOptions) -> Mar
     );
     if let Some(p) = &found.perturbation {
         assert!(s.contains(&p.delta, 1e-9));
-        close(s.norm(&p.delta).unwrap(), p.size, 1e-9);
+        assert_close(s.norm(&p.delta).unwrap(), p.size, 1e-9);
         // Apply it: one eigenvalue of the closed loop lies on the axis, at the stated frequency.
         let closed = |k: f64| {
             let scaled = CMatrix::from_fn(p.delta.nrows(), p.delta.ncols(), |i, j| p.delta[(i, j)] * k);
@@ -403,8 +405,8 @@ fn spinning_body_tolerates_a_tenth_at_both_inputs() {
                 ..MarginOptions::default()
             },
         );
-        close(found.guaranteed, exact, 1e-3);
-        close(found.destabilising, exact, 1e-6);
+        assert_close(found.guaranteed, exact, 1e-3);
+        assert_close(found.destabilising, exact, 1e-6);
         assert!(found.guaranteed <= exact);
     }
     // One input alone: det(I + …) never vanishes for real errors below one.
@@ -437,8 +439,8 @@ fn documented_robust_stability_example() {
         },
     );
     assert!(found.guaranteed >= 1.5960, "guaranteed {}", found.guaranteed);
-    close(found.destabilising, 1.5993, 2e-4);
-    close(found.critical, 4.88, 0.02);
+    assert_close(found.destabilising, 1.5993, 2e-4);
+    assert_close(found.critical, 4.88, 0.02);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use synthesis::linalg::{Matrix, c64, diagonal, from_rows};
 use synthesis::norm::{NormError, hinf_norm};
 use synthesis::state_space::{ModelError, StateSpace};
 
-fn close(found: f64, expected: f64, relative: f64) {
+fn assert_close(found: f64, expected: f64, relative: f64) {
     assert!(
         (found - expected).abs() <= relative * expected.abs(),
         "found {found:.12e}, expected {expected:.12e}"
@@ -24,8 +24,8 @@ fn resonance_peak_follows_the_formula() {
         for omega in [1e-4, 1.0, 3e5] {
             let g = tf(&[omega * omega], &[1.0, 2.0 * zeta * omega, omega * omega]);
             let n = hinf_norm(&g, 1e-9).unwrap();
-            close(n.gain, 1.0 / (2.0 * zeta * (1.0 - zeta * zeta).sqrt()), 1e-7);
-            close(n.omega, omega * (1.0 - 2.0 * zeta * zeta).sqrt(), 1e-3);
+            assert_close(n.gain, 1.0 / (2.0 * zeta * (1.0 - zeta * zeta).sqrt()), 1e-7);
+            assert_close(n.omega, omega * (1.0 - 2.0 * zeta * zeta).sqrt(), 1e-3);
         }
     }
 }
@@ -36,10 +36,10 @@ fn peaks_at_the_ends_of_the_axis() {
     let n = hinf_norm(&tf(&[3.0], &[1.0, 1.0]), 1e-8).unwrap();
     assert_eq!((n.gain, n.omega), (3.0, 0.0));
     let n = hinf_norm(&tf(&[5.0, 1.0], &[1.0, 1.0]), 1e-8).unwrap();
-    close(n.gain, 5.0, 1e-9);
+    assert_close(n.gain, 5.0, 1e-9);
     assert!(n.omega.is_infinite());
     let both = append(&[tf(&[2.0, 0.0], &[1.0, 1.0]), tf(&[1.0], &[1.0, 0.02, 1.0])]);
-    close(
+    assert_close(
         hinf_norm(&both, 1e-9).unwrap().gain,
         50.0 / (1.0f64 - 1e-4).sqrt(),
         1e-8,
@@ -67,8 +67,8 @@ fn three_nearly_undamped_oscillators() {
     let b = Matrix::from_fn(6, 1, |i, _| if i % 2 == 0 { 1.0 } else { 0.0 });
     let g = StateSpace::new(a, b.clone(), b.transpose().to_owned(), Matrix::zeros(1, 1)).unwrap();
     let n = hinf_norm(&g, 1e-9).unwrap();
-    close(n.gain, 500000.0001, 1e-9);
-    close(n.omega, std::f64::consts::SQRT_2, 1e-8);
+    assert_close(n.gain, 500000.0001, 1e-9);
+    assert_close(n.omega, std::f64::consts::SQRT_2, 1e-8);
 }
 
 /// States scaled by twelve orders of magnitude relative to each other: without balancing, rounding errors hide the crossings.
@@ -83,7 +83,7 @@ fn badly_scaled_states_change_nothing() {
         c: Matrix::from_fn(1, 4, |_, j| chain.c[(0, j)] * t[j]),
         d: chain.d.clone(),
     };
-    close(hinf_norm(&scaled, 1e-9).unwrap().gain, reference.gain, 1e-8);
+    assert_close(hinf_norm(&scaled, 1e-9).unwrap().gain, reference.gain, 1e-8);
 }
 
 /// An all-pass is one at every frequency, whatever its order; its phase is the delay's.
@@ -91,7 +91,7 @@ fn badly_scaled_states_change_nothing() {
 fn pade_is_all_pass_with_the_phase_of_the_delay() {
     for (delay, order) in [(0.01, 1), (0.01, 3), (2.0, 5), (1e-5, 8)] {
         let g = pade(delay, order).unwrap();
-        close(hinf_norm(&g, 1e-9).unwrap().gain, 1.0, 1e-8);
+        assert_close(hinf_norm(&g, 1e-9).unwrap().gain, 1.0, 1e-8);
         let omega = 0.1 / delay;
         let phase = g.at(omega)[(0, 0)].arg();
         assert!((phase + 0.1).abs() < 1e-4, "order {order}: phase {phase}");

@@ -3,15 +3,15 @@
 use synthesis::linalg::{Matrix, diagonal, inverse, max_abs, norm2};
 use synthesis::mu::{MarginOptions, margin};
 use synthesis::robot::{
-    GainStructure, Gains, GainsFile, LoopTiming, ModelSpec, NoSlidingGain, Robot, RobotError, SampledLoop, Spec,
-    assess, design, draw, multiplicative_loop, problem, report, sampled, validate,
+    GainStructure, Gains, GainsFile, LoopTiming, ModelSpec, Robot, RobotError, SampledLoop, SlidingGainError, Spec,
+    assess, design, multiplicative_loop, problem, random_situation, report, sampled, validate,
 };
-use synthesis::tuner::Flow;
+use synthesis::tuner::SearchControl;
 
 const URDF: &str = include_str!("../../../models/servicer.urdf");
 const PI: &str = include_str!("../../../gains/pi-diagonal.spec.toml");
 
-fn close(found: f64, expected: f64, relative: f64) {
+fn assert_close(found: f64, expected: f64, relative: f64) {
     assert!(
         (found - expected).abs() <= relative * expected.abs(),
         "found {found:.10}, expected {expected:.10}"
@@ -31,31 +31,31 @@ fn capture() -> ModelSpec {
 #[test]
 fn linearisation_at_rest_and_in_motion() {
     let (_, robot) = stock();
-    let rest = robot.body(&capture()).unwrap();
+    let rest = robot.linearise(&capture()).unwrap();
     assert_eq!((robot.channels(), rest.a.nrows(), rest.b.ncols()), (13, 13, 13));
     assert_eq!(max_abs(&rest.a), 0.0, "at rest the Coriolis matrix vanishes");
-    close(
+    assert_close(
         norm2(&(inverse(&rest.mass).unwrap() - &rest.b)).unwrap() + 1.0,
         1.0,
         1e-12,
     );
     // The total mass of the description is on the diagonal of the translations.
-    close(rest.mass[(3, 3)], 450.2, 1e-6);
+    assert_close(rest.mass[(3, 3)], 450.2, 1e-6);
     // In motion: d(C ν)/dν ν = 2 C ν, because the bias is quadratic in ν.
     let mut moving = capture();
     moving.velocity = (0..13).map(|i| 0.1 + 0.03 * f64::from(i)).collect();
-    let body = robot.body(&moving).unwrap();
+    let body = robot.linearise(&moving).unwrap();
     let nu = Matrix::from_fn(13, 1, |i, _| moving.velocity[i]);
     let twice: Matrix = &body.mass * &body.a * &nu;
     let mut doubled = moving.clone();
     doubled.velocity.iter_mut().for_each(|v| *v *= 2.0);
-    let again = &body.mass * &robot.body(&doubled).unwrap().a * &nu;
+    let again = &body.mass * &robot.linearise(&doubled).unwrap().a * &nu;
     assert!(max_abs(&twice) > 1e-3);
-    close(norm2(&(again - twice * synthesis_scale(2.0))).unwrap() + 1.0, 1.0, 1e-9);
+    assert_close(norm2(&(again - twice * synthesis_scale(2.0))).unwrap() + 1.0, 1.0, 1e-9);
     // With free propellant there are two more velocities, and the actuated part of the inverse grows: a rigid mass was released.
     let mut slosh = capture();
     slosh.slosh = true;
-    let free = robot.body(&slosh).unwrap();
+    let free = robot.linearise(&slosh).unwrap();
     assert_eq!((free.a.nrows(), free.b.ncols()), (15, 13));
     assert!(free.b[(3, 3)] > rest.b[(3, 3)]);
     assert!(free.a[(13, 13)] < 0.0, "the pendulum is damped");
@@ -84,13 +84,13 @@ fn sampled_loop_in_closed_form() {
         // Fractions of a period on both sides add up: what counts is the time from a reading to the command made of it.
         let d = ((sensor + actuator) / 0.01_f64).round() as i32;
         let limit = 2.0 * (std::f64::consts::PI / (2.0 * f64::from(2 * d + 1))).sin();
-        close(found.gain_margin_up, limit / step, 1e-3);
+        assert_close(found.gain_margin_up, limit / step, 1e-3);
         // The dominant root is real for these small steps: solve z^d (1 − z) = ωT for the root next to one.
         let mut z: f64 = 1.0 - step;
         for _ in 0..200 {
             z = 1.0 - step / z.powi(d);
         }
-        close(found.spectral_radius, z, 1e-9);
+        assert_close(found.spectral_radius, z, 1e-9);
     }
     spec.sampling.controller_period_s = 0.0105;
     assert!(matches!(
@@ -133,12 +133,12 @@ fn multiplicative_margin_of_the_decoupled_loop() {
         })
         .fold(0.0, f64::max);
     assert!(found.guaranteed <= found.destabilising * (1.0 + 1e-9));
-    close(found.guaranteed, 1.0 / peak, 3e-3);
-    close(found.destabilising, 1.0 / peak, 3e-3);
+    assert_close(found.guaranteed, 1.0 / peak, 3e-3);
+    assert_close(found.destabilising, 1.0 / peak, 3e-3);
 }
 
 /// Copies the joint angles from the file into the situations given as an instant of a run.
-fn looked_up(spec: &mut Spec, file: &GainsFile) {
+fn look_up_configurations(spec: &mut Spec, file: &GainsFile) {
     for model in spec.models.iter_mut().filter(|model| model.at.is_some()) {
         let same = |then: &&ModelSpec| then.name == model.name && then.at == model.at;
         let then = file.models.iter().find(same).expect("the file has the angles");
@@ -151,7 +151,7 @@ fn looked_up(spec: &mut Spec, file: &GainsFile) {
 fn error_sizes_of_every_capture_follow_one_rule() {
     let mut spec: Spec = toml::from_str(PI).unwrap();
     let robot = Robot::new(URDF, &spec.robot).unwrap();
-    looked_up(
+    look_up_configurations(
         &mut spec,
         &toml::from_str(include_str!("../../../gains/pi-diagonal.toml")).unwrap(),
     );
@@ -161,9 +161,9 @@ fn error_sizes_of_every_capture_follow_one_rule() {
         } else {
             &model.error_sizes
         };
-        let mass = robot.body(model).unwrap().mass;
+        let mass = robot.linearise(model).unwrap().mass;
         for (channel, size) in sizes.iter().enumerate() {
-            close(size * mass[(channel, channel)].sqrt(), 7.5e-3, 0.03);
+            assert_close(size * mass[(channel, channel)].sqrt(), 7.5e-3, 0.03);
         }
     }
 }
@@ -182,7 +182,7 @@ fn shipped_sliding_gain_is_that_of_the_p_structure() {
         assert_eq!(file.gains.ks, proportional.gains.kp);
         assert_eq!(file.provenance.ks.as_deref(), Some("gains/p-diagonal.toml"));
         let other = file.gains.clone();
-        assert_eq!(file.gains.take_sliding_gain(&other), Err(NoSlidingGain::Integral));
+        assert_eq!(file.gains.take_sliding_gain(&other), Err(SlidingGainError::Integral));
     }
 }
 
@@ -190,7 +190,7 @@ fn shipped_sliding_gain_is_that_of_the_p_structure() {
 #[test]
 fn lags_of_single_channels_enter_the_sampled_loop() {
     let (mut spec, robot) = stock();
-    let body = robot.body(&capture()).unwrap();
+    let body = robot.linearise(&capture()).unwrap();
     let gains = Gains {
         structure: GainStructure::Scheduled,
         kp: diagonal(&[5.0; 13]),
@@ -213,7 +213,7 @@ fn lags_of_single_channels_enter_the_sampled_loop() {
     let (none, some, all) = (radius([0.0; 13]), radius(wheels), radius([0.5; 13]));
     let mut nothing = wheels;
     nothing[3..].fill(1e-7);
-    close(radius(nothing), some, 1e-6);
+    assert_close(radius(nothing), some, 1e-6);
     // With these gains every channel has the same cut-off, so the longest lag decides, on whichever channel it is.
     let mut joints = [0.0; 13];
     joints[6..].fill(0.25);
@@ -222,9 +222,9 @@ fn lags_of_single_channels_enter_the_sampled_loop() {
         none + 1e-3 < shorter && shorter < some - 1e-3,
         "{none} {shorter} {some}"
     );
-    close(all, some, 1e-6);
+    assert_close(all, some, 1e-6);
     spec.sampling.actuator_lag_s = 0.5;
-    close(
+    assert_close(
         sampled(&spec, &robot, &capture(), &gains).unwrap().spectral_radius,
         all,
         1e-12,
@@ -253,11 +253,11 @@ fn shipped_gains_reproduce_their_gamma() {
         let mut spec: Spec = toml::from_str(spec).unwrap();
         let robot = Robot::new(URDF, &spec.robot).unwrap();
         let file: GainsFile = toml::from_str(file).unwrap();
-        looked_up(&mut spec, &file);
+        look_up_configurations(&mut spec, &file);
         assert_eq!(spec.gains.ks.is_some(), !file.gains.ks.is_empty(), "{}", spec.title);
         let gains = file.gains.gains().unwrap();
         let (_, evaluation) = report(&spec, &robot, &file.adversary, &gains).unwrap();
-        close(evaluation.gamma, file.provenance.gamma_reported, 1e-6);
+        assert_close(evaluation.gamma, file.provenance.gamma_reported, 1e-6);
         assert!(file.full_order.iter().all(|o| o.unreachable <= evaluation.gamma));
         assert_eq!(file.full_order.len(), spec.models.len() + file.adversary.len());
         assert_eq!(file.margins.len(), 2 * spec.models.len(), "both sets, every model");
@@ -283,12 +283,12 @@ fn the_scheduled_gains_pass_their_validation_set() {
     let validation = validate(&spec, &robot, &file.gains.gains().unwrap(), 2, &|_| {}).unwrap();
     assert_eq!(validation.samples.len(), 100);
     assert!(validation.passed(), "worst gamma {}", validation.worst_gamma());
-    close(validation.worst_gamma(), file.validation.unwrap().worst_gamma, 1e-6);
+    assert_close(validation.worst_gamma(), file.validation.unwrap().worst_gamma, 1e-6);
 }
 
 /// The adversary adds new situations, inside the ranges and not taken from the validation set.
 #[test]
-fn the_adversary_adds_what_hurts_most() {
+fn adversary_adds_the_worst_situations() {
     let mut spec: Spec = toml::from_str(include_str!("../../../gains/pi-scheduled.spec.toml")).unwrap();
     let robot = Robot::new(URDF, &spec.robot).unwrap();
     spec.models.truncate(1);
@@ -298,14 +298,14 @@ fn the_adversary_adds_what_hurts_most() {
     (spec.search.iterations, spec.search.finishing, spec.search.rounds) = (25, 2, 1);
     (spec.validation.samples, spec.validation.rounds, spec.validation.added) = (8, 1, 2);
     spec.validation.gamma = 1.01;
-    let found = design(&spec, &robot, 2, &|_| Flow::Continue).unwrap();
+    let found = design(&spec, &robot, 2, &|_| SearchControl::Continue).unwrap();
     assert_eq!(found.adversary.len(), 2);
     // The model alone; with the adversary's models; and these to convergence.
     assert_eq!(found.rounds.iter().map(|r| r.models).collect::<Vec<_>>(), [1, 3, 3]);
     assert!(found.rounds[1].gamma > found.rounds[0].gamma && found.rounds[2].gamma <= found.rounds[1].gamma);
     // The added situations were bad for the earlier gains, and are better with the gains tuned for them.
     spec.validation.rounds = 0;
-    let first = design(&spec, &robot, 2, &|_| Flow::Continue).unwrap();
+    let first = design(&spec, &robot, 2, &|_| SearchControl::Continue).unwrap();
     assert_eq!(first.rounds[..], found.rounds[..1]);
     let worst = &found.adversary[0];
     let gamma = |gains| assess(&spec, &robot, worst, gains, 2).unwrap().gamma;
@@ -316,11 +316,11 @@ fn the_adversary_adds_what_hurts_most() {
         let inside = model.joints_deg.iter().zip(&spec.validation.joints_deg);
         assert!(inside.clone().all(|(q, range)| q.abs() <= *range));
         assert!((0.9..=1.1).contains(&model.base_mass) && (0.0..=0.005).contains(&model.extra_delay_s));
-        assert!((0..8).all(|i| draw(&spec, i).joints_deg != model.joints_deg));
+        assert!((0..8).all(|i| random_situation(&spec, i).joints_deg != model.joints_deg));
     }
     // If no situation exceeds the limit, none is added.
     spec.validation.gamma = 1e3;
-    let content = design(&spec, &robot, 2, &|_| Flow::Continue).unwrap();
+    let content = design(&spec, &robot, 2, &|_| SearchControl::Continue).unwrap();
     assert!(content.adversary.is_empty() && content.rounds.len() == 1);
 }
 

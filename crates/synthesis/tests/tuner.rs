@@ -7,10 +7,10 @@ use synthesis::matrices::PlantMatrices;
 use synthesis::norm::hinf_norm;
 use synthesis::state_space::StateSpace;
 use synthesis::tuner::{
-    Channel, Flow, GainBlock, GainError, GainKind, Model, Options, Phase, Problem, TuneError, evaluate, tune,
+    Channel, GainBlock, GainError, GainKind, Model, Options, Phase, Problem, SearchControl, TuneError, evaluate, tune,
 };
 
-fn close(found: f64, expected: f64, relative: f64) {
+fn assert_close(found: f64, expected: f64, relative: f64) {
     assert!(
         (found - expected).abs() <= relative * expected.abs(),
         "found {found:.10}, expected {expected:.10}"
@@ -40,8 +40,8 @@ fn matrices(a: &[&[f64]], b: &[&[f64]], c: &[&[f64]]) -> PlantMatrices {
     }
 }
 
-fn go(problem: &Problem, options: &Options) -> Result<synthesis::tuner::Tuned, TuneError> {
-    tune(problem, options, &|_| Flow::Continue)
+fn tune_silently(problem: &Problem, options: &Options) -> Result<synthesis::tuner::Tuned, TuneError> {
+    tune(problem, options, &|_| SearchControl::Continue)
 }
 
 /// ẋ = a x + w + u, z = (x, u), u = k x with a < 0: the norm is √(1 + k²)/|a + k| at zero frequency, least at k = 1/a,
@@ -51,9 +51,9 @@ fn scalar_state_feedback_in_closed_form() {
     let problem = matrices(&[&[-2.0]], &[&[1.0]], &[&[1.0]])
         .static_output_feedback()
         .unwrap();
-    let t = go(&problem, &Options::default()).unwrap();
-    close(t.evaluation.gamma, 1.0 / 5f64.sqrt(), 1e-6);
-    close(t.gains[0][(0, 0)], -0.5, 1e-3);
+    let t = tune_silently(&problem, &Options::default()).unwrap();
+    assert_close(t.evaluation.gamma, 1.0 / 5f64.sqrt(), 1e-6);
+    assert_close(t.gains[0][(0, 0)], -0.5, 1e-3);
     assert!(t.certificate.length < 1e-3, "{:?}", t.certificate);
 }
 
@@ -66,7 +66,7 @@ fn state_feedback_reaches_the_full_information_optimum() {
         &[&[0.0], &[1.0]],
         &[&[1.0, 0.0], &[0.0, 1.0]],
     );
-    let t = go(
+    let t = tune_silently(
         &p.static_output_feedback().unwrap(),
         &Options {
             starts: 4,
@@ -86,7 +86,7 @@ fn state_feedback_reaches_the_full_information_optimum() {
         "{} below {low}",
         t.evaluation.gamma
     );
-    close(t.evaluation.gamma, high, 5e-3);
+    assert_close(t.evaluation.gamma, high, 5e-3);
 }
 
 /// A nonsmooth optimum: two channels that pull one positive gain in opposite directions meet where they are equal. With
@@ -125,7 +125,7 @@ fn two_channels_meet_at_a_kink() {
         models: vec![model.clone()],
         gains: vec![gain.clone()],
     };
-    let t = go(
+    let t = tune_silently(
         &problem,
         &Options {
             starts: 1,
@@ -133,8 +133,8 @@ fn two_channels_meet_at_a_kink() {
         },
     )
     .unwrap();
-    close(t.gains[0][(0, 0)], 10f64.sqrt(), 1e-4);
-    close(t.evaluation.gamma, 1.0 / 10f64.sqrt(), 1e-4);
+    assert_close(t.gains[0][(0, 0)], 10f64.sqrt(), 1e-4);
+    assert_close(t.evaluation.gamma, 1.0 / 10f64.sqrt(), 1e-4);
     // At the kink each gradient of ln γ has length one; only their combination vanishes.
     assert!(
         t.certificate.length < 1e-3 && t.certificate.steepest > 0.9,
@@ -149,7 +149,7 @@ fn two_channels_meet_at_a_kink() {
         models: vec![problem.models[0].clone(), second],
         gains: vec![gain],
     };
-    let t = go(
+    let t = tune_silently(
         &both,
         &Options {
             starts: 1,
@@ -157,7 +157,7 @@ fn two_channels_meet_at_a_kink() {
         },
     )
     .unwrap();
-    close(t.gains[0][(0, 0)], 10f64.sqrt() / 2.0, 1e-4);
+    assert_close(t.gains[0][(0, 0)], 10f64.sqrt() / 2.0, 1e-4);
 }
 
 /// M v̇ = −K v + d in coordinates of energy: performance is M^½ v, disturbance M^½ d, so that every mass matrix looks alike.
@@ -214,7 +214,7 @@ fn a_scheduled_gain_serves_two_mass_matrices() {
         models,
         gains: vec![gain],
     };
-    let t = go(
+    let t = tune_silently(
         &problem,
         &Options {
             starts: 1,
@@ -223,9 +223,9 @@ fn a_scheduled_gain_serves_two_mass_matrices() {
         },
     )
     .unwrap();
-    close(t.evaluation.gamma, 1.0 / 10f64.sqrt(), 1e-3);
-    close(t.gains[0][(0, 0)], 10f64.sqrt(), 5e-3);
-    close(t.gains[0][(1, 1)], 10f64.sqrt(), 5e-3);
+    assert_close(t.evaluation.gamma, 1.0 / 10f64.sqrt(), 1e-3);
+    assert_close(t.gains[0][(0, 0)], 10f64.sqrt(), 5e-3);
+    assert_close(t.gains[0][(1, 1)], 10f64.sqrt(), 5e-3);
     assert!(t.gains[0][(0, 1)].abs() < 0.03);
     // Threads share the models of one start without influence on the result.
     let threads = |threads| {
@@ -234,7 +234,7 @@ fn a_scheduled_gain_serves_two_mass_matrices() {
             threads,
             ..Options::default()
         };
-        tune(&problem, &options, &|_| Flow::Continue).unwrap()
+        tune(&problem, &options, &|_| SearchControl::Continue).unwrap()
     };
     let (one, two) = (threads(1), threads(2));
     assert_eq!(to_rows(&one.gains[0]), to_rows(&two.gains[0]));
@@ -247,7 +247,7 @@ fn a_scheduled_gain_serves_two_mass_matrices() {
     );
     // The same with a constant gain is several times worse.
     problem.models.iter_mut().for_each(|m| m.transforms = vec![None]);
-    let constant = go(
+    let constant = tune_silently(
         &problem,
         &Options {
             starts: 2,
@@ -287,7 +287,7 @@ fn the_same_seed_gives_the_same_gains() {
             if progress.phase == Phase::Stabilise {
                 seen.fetch_add(1, Ordering::Relaxed);
             }
-            Flow::Continue
+            SearchControl::Continue
         })
         .unwrap()
     };
@@ -302,7 +302,7 @@ fn the_same_seed_gives_the_same_gains() {
     // The reported values equal those of an independent evaluation of the gains.
     let k = StateSpace::gain(one.controllers[0].clone());
     let closed = synthesis::interconnect::lft_lower(&problem.models[0].plant, &k).unwrap();
-    close(hinf_norm(&closed, 1e-9).unwrap().gain, one.evaluation.gamma, 1e-7);
+    assert_close(hinf_norm(&closed, 1e-9).unwrap().gain, one.evaluation.gamma, 1e-7);
     let again = Problem {
         gains: vec![GainBlock {
             start: one.gains[0].clone(),
@@ -310,7 +310,7 @@ fn the_same_seed_gives_the_same_gains() {
         }],
         ..problem
     };
-    close(evaluate(&again).unwrap().gamma, one.evaluation.gamma, 1e-7);
+    assert_close(evaluate(&again).unwrap().gamma, one.evaluation.gamma, 1e-7);
 }
 
 /// Stopping keeps the best gains so far.
@@ -330,9 +330,9 @@ fn stopping_keeps_the_best_so_far() {
         },
         &|_| {
             if count.fetch_add(1, Ordering::Relaxed) >= 2 {
-                Flow::Stop
+                SearchControl::Stop
             } else {
-                Flow::Continue
+                SearchControl::Continue
             }
         },
     )
@@ -348,13 +348,13 @@ fn bad_input_is_refused_with_the_reason() {
         .static_output_feedback()
         .unwrap();
     assert!(
-        matches!(go(&p, &Options::default()), Err(TuneError::NotStabilisable { mode, .. }) if (mode.re - 1.0).abs() < 1e-12)
+        matches!(tune_silently(&p, &Options::default()), Err(TuneError::NotStabilisable { mode, .. }) if (mode.re - 1.0).abs() < 1e-12)
     );
     let p = matrices(&[&[1.0, 0.0], &[0.0, -1.0]], &[&[1.0], &[1.0]], &[&[0.0, 1.0]])
         .static_output_feedback()
         .unwrap();
     assert!(matches!(
-        go(&p, &Options::default()),
+        tune_silently(&p, &Options::default()),
         Err(TuneError::NotDetectable { .. })
     ));
     // Stabilisable by some controller, not by a static gain: the double integrator from its position. The least abscissa
@@ -362,7 +362,7 @@ fn bad_input_is_refused_with_the_reason() {
     let p = matrices(&[&[0.0, 1.0], &[0.0, 0.0]], &[&[0.0], &[1.0]], &[&[1.0, 0.0]])
         .static_output_feedback()
         .unwrap();
-    let error = go(
+    let error = tune_silently(
         &p,
         &Options {
             starts: 2,
@@ -382,18 +382,18 @@ fn bad_input_is_refused_with_the_reason() {
     problem.gains[0].kind = GainKind::PositiveDefinite(vec![1]);
     problem.gains[0].start = diagonal(&[-3.0]);
     assert!(matches!(
-        go(&problem, &Options::default()),
+        tune_silently(&problem, &Options::default()),
         Err(TuneError::Gain(GainError::NotPositiveDefinite { least, .. })) if least == -3.0
     ));
     problem.models[0].channels[0].outputs = 0..9;
     problem.gains[0].start = diagonal(&[3.0]);
     assert!(matches!(
-        go(&problem, &Options::default()),
+        tune_silently(&problem, &Options::default()),
         Err(TuneError::Misfit { .. })
     ));
     problem.models.clear();
     assert_eq!(
-        go(&problem, &Options::default()).unwrap_err(),
+        tune_silently(&problem, &Options::default()).unwrap_err(),
         TuneError::Empty("model")
     );
 }

@@ -4,7 +4,7 @@ use faer::fx128;
 use synthesis::full_order::full_order_optimum;
 use synthesis::linalg::{CMatrix, Matrix, c64, singular_values};
 use synthesis::matrices::PlantMatrices;
-use synthesis::tuner::{Flow, Options, Problem, Tuned, Verdict, tune};
+use synthesis::tuner::{Options, Problem, SearchControl, Tuned, Verdict, tune};
 
 fn plant(json: &str) -> PlantMatrices {
     serde_json::from_str(json).unwrap()
@@ -16,7 +16,7 @@ fn tuned(plant: &PlantMatrices, starts: usize) -> (Problem, Tuned) {
         starts,
         ..Options::default()
     };
-    let result = tune(&problem, &options, &|_| Flow::Continue).unwrap();
+    let result = tune(&problem, &options, &|_| SearchControl::Continue).unwrap();
     (problem, result)
 }
 
@@ -184,7 +184,7 @@ fn infimum_on_the_axis_is_no_optimum() {
 }
 
 /// Numbers in [−1, 1], the same on every machine.
-fn draws(seed: u64) -> impl FnMut() -> f64 {
+fn random_numbers(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
     move || {
         state = state
@@ -199,9 +199,11 @@ fn draws(seed: u64) -> impl FnMut() -> f64 {
 #[test]
 fn state_feedback_of_many_states_reaches_the_optimum() {
     for (n, seed) in [(6, 1), (10, 2), (10, 5), (12, 3), (12, 4)] {
-        let mut draw = draws(seed);
+        let mut next_random = random_numbers(seed);
         let mut rows = |height: usize, width: usize| -> Vec<Vec<f64>> {
-            (0..height).map(|_| (0..width).map(|_| draw()).collect()).collect()
+            (0..height)
+                .map(|_| (0..width).map(|_| next_random()).collect())
+                .collect()
         };
         let (nw, nu) = (3, 2);
         let mut c1 = rows(n, n);

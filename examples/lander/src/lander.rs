@@ -66,10 +66,10 @@ impl Participant for Lander {
     }
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        let asked = inputs[self.command].thrust.clamp(0.0, self.thrust_max);
+        let commanded = inputs[self.command].thrust.clamp(0.0, self.thrust_max);
         let now = &mut self.now;
         if now.touchdown_speed == 0.0 {
-            let thrust = if now.mass > self.dry_mass { asked } else { 0.0 };
+            let thrust = if now.mass > self.dry_mass { commanded } else { 0.0 };
             now.mass = (now.mass - step.period * thrust / EXHAUST_SPEED).max(self.dry_mass);
             now.velocity += step.period * (thrust / now.mass - GRAVITY);
             now.height += step.period * now.velocity;
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn without_thrust_it_falls() {
+    fn lander_falls_without_thrust() {
         let mut lander = lander();
         lander.steps(100);
         // The step uses the speed at its end for the whole step: half a step more than g t²/2.
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_saved_whole_and_has_no_other_memory() {
+    fn lander_state_is_saved_completely() {
         let thrust = |lander: &mut Harness| lander.set_value("command.thrust", 100.0 * lander.t());
         assert_resumes(lander, 400, thrust);
         assert_repeats(lander, 400, thrust);

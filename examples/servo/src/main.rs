@@ -1,4 +1,4 @@
-//! A shaft that a motor turns, and a regulator that turns it to where it shall be.
+//! A shaft driven by a motor, and a regulator of its angle.
 
 use escapement::lockstep::units::{
     self, Angle, Inertia, Quantity, RotationalDamping, RotationalStiffness, Time, Torque,
@@ -7,7 +7,7 @@ use escapement::prelude::*;
 use serde::Deserialize;
 
 escapement::message! {
-    /// How the shaft stands and turns.
+    /// The motion of the shaft.
     pub struct Turn {
         /// Angle from zero.
         pub angle: f64 = "rad",
@@ -17,11 +17,11 @@ escapement::message! {
 }
 
 escapement::message! {
-    /// What the regulator asks of the motor, and why.
+    /// The command of the regulator, and its reference.
     pub struct Drive {
         /// Torque of the motor.
         pub torque: f64 = "N m",
-        /// Where the shaft shall be.
+        /// Reference angle of the shaft.
         pub wanted: f64 = "rad",
     }
 }
@@ -32,7 +32,7 @@ struct Shaft {
     turn: Turn,
 }
 
-/// What the scenario says below `parameters`, with units.
+/// The table `parameters` of the shaft, with units.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ShaftParameters {

@@ -6,7 +6,7 @@ use lockstep::participant::{
 };
 
 lockstep::message! {
-    /// Where a mass is and how fast it moves.
+    /// Position and velocity of a mass.
     pub struct Motion {
         /// Distance from rest along x.
         pub position: f64 = "m" in "N",

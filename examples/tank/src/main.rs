@@ -73,12 +73,12 @@ fn tank(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
         parameters,
         between: 0.0,
     };
-    tank.look();
+    tank.update_switches();
     Ok(Box::new(tank))
 }
 
 impl Tank {
-    fn look(&mut self) {
+    fn update_switches(&mut self) {
         self.gauge.full = self.gauge.level >= self.parameters.upper.si();
         self.gauge.empty = self.gauge.level <= self.parameters.lower.si();
     }
@@ -110,7 +110,7 @@ impl Participant for Tank {
             self.between -= 1e-3;
             self.gauge.pulses = self.gauge.pulses.wrapping_add(1);
         }
-        self.look();
+        self.update_switches();
         *outputs.get_mut(0) = self.gauge;
         Ok(())
     }

@@ -14,7 +14,7 @@ use super::gains::{
     validation_entry, write,
 };
 use crate::catalogue::catalogue;
-use capture::flight::fly;
+use capture::closed_loop::simulate_gains;
 use capture::provenance::{digest, plant_digest};
 
 /// Exit code: a file is missing or wrong.
@@ -192,7 +192,7 @@ fn recompute(args: &MarginsArgs, loaded: &mut Loaded) -> anyhow::Result<(Problem
     file.flown = if args.no_flights {
         Vec::new()
     } else {
-        fly(catalogue(), path, spec, robot, gains, &|done, all| {
+        simulate_gains(catalogue(), path, spec, robot, gains, &|done, all| {
             reporter.next("flight", done, all)
         })?
     };

@@ -70,9 +70,9 @@ pub(super) fn read(file: &Path, allow_unphysical: bool) -> Result<Description> {
         Err(errors) => {
             let all: Vec<String> = errors
                 .iter()
-                .map(|error| format!("{}: {}", at(error.line), error.fault))
+                .map(|error| format!("{}: {}", at(error.line), error.kind))
                 .collect();
-            let unphysical = errors.iter().any(|error| error.fault.is_unphysical());
+            let unphysical = errors.iter().any(|error| error.kind.is_unphysical());
             let remedy = if unphysical {
                 "\n`--allow-unphysical` accepts inertias that no distribution of mass has"
             } else {

@@ -8,14 +8,14 @@ use super::Effect;
 
 /// Parameters common to all actuators of a group.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shape {
+pub struct ChannelParameters {
     dead_zone: f64,
     quantum: f64,
     /// For a lag: the fraction of a step change that remains after one step, and its mean over the step.
     lag: Option<(f64, f64)>,
 }
 
-impl Shape {
+impl ChannelParameters {
     /// Builds the shape from parameters in SI units; `group` is their key.
     ///
     /// # Errors
@@ -37,8 +37,8 @@ impl Shape {
         let lag = match lag.map(|lag| lag.si()) {
             None => None,
             Some(lag) if lag > 0.0 => {
-                let left = libm::exp(-period / lag);
-                Some((left, (1.0 - left) * lag / period))
+                let decay = libm::exp(-period / lag);
+                Some((decay, (1.0 - decay) * lag / period))
             }
             Some(lag) => {
                 let reason = format!("{lag} s is not above zero; leave it out for an actuator without lag");
@@ -65,16 +65,16 @@ pub struct ChannelState {
 /// One actuator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Channel {
-    shape: Shape,
+    parameters: ChannelParameters,
     limit: f64,
     state: ChannelState,
 }
 
 impl Channel {
     /// An actuator at rest with output limits of ±`limit`.
-    pub fn new(shape: Shape, limit: f64) -> Self {
+    pub fn new(parameters: ChannelParameters, limit: f64) -> Self {
         Self {
-            shape,
+            parameters,
             limit,
             state: ChannelState::default(),
         }
@@ -92,11 +92,11 @@ impl Channel {
 
     /// Mean output over a step with `command` held.
     pub fn apply(&mut self, command: f64, effect: Option<Effect>) -> f64 {
-        let Shape {
+        let ChannelParameters {
             dead_zone,
             quantum,
             lag,
-        } = self.shape;
+        } = self.parameters;
         let mut value = command;
         match effect {
             Some(Effect::Stuck) => return self.state.last,
@@ -112,9 +112,9 @@ impl Channel {
             value = nearest(value, quantum);
         }
         value = value.clamp(-self.limit, self.limit);
-        if let Some((left, mean)) = lag {
+        if let Some((decay, mean)) = lag {
             let difference = self.state.lagged - value;
-            self.state.lagged = value + difference * left;
+            self.state.lagged = value + difference * decay;
             value += difference * mean;
         }
         self.state.last = value;
@@ -134,7 +134,7 @@ mod tests {
 
     fn channel(lag: Option<f64>, dead_zone: f64, quantum: f64) -> Channel {
         Channel::new(
-            Shape::new("a", lag.map(Quantity::of), dead_zone, quantum, 0.001).unwrap(),
+            ChannelParameters::new("a", lag.map(Quantity::of), dead_zone, quantum, 0.001).unwrap(),
             2.0,
         )
     }
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn dead_zone_and_steps() {
+    fn channel_applies_dead_zone_and_quantisation() {
         let mut rough = channel(None, 0.3, 0.25);
         for (command, expected) in [(0.29, 0.0), (0.31, 0.25), (0.38, 0.5), (-1.1, -1.0), (9.0, 2.0)] {
             assert_eq!(rough.apply(command, None), expected, "{command}");

@@ -57,7 +57,7 @@ pub enum Effect {
 
 /// An actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Unit {
+pub enum Actuator {
     /// The wheel about this axis.
     Wheel(usize),
     /// This thruster.
@@ -68,7 +68,7 @@ pub enum Unit {
 
 #[derive(Debug, Clone, Copy)]
 struct Fault {
-    unit: Unit,
+    actuator: Actuator,
     effect: Effect,
     from: f64,
     until: f64,
@@ -87,7 +87,7 @@ impl Faults {
         let mut faults = Vec::new();
         for (at, fault) in parameters.iter().enumerate() {
             let refuse = |key: &str, reason: String| ParameterError::new(format!("faults[{at}].{key}"), reason);
-            let units = units(&fault.actuator, joints).ok_or_else(|| {
+            let actuators = parse_actuators(&fault.actuator, joints).ok_or_else(|| {
                 let reason = format!(
                     "there is no actuator `{}`; there are wheel.x to wheel.z, thruster.0 to thruster.{}, thruster.x, thruster.+x, \
                      thruster.-x and so on, and {}",
@@ -97,7 +97,7 @@ impl Faults {
                 );
                 refuse("actuator", reason)
             })?;
-            let effect = match (fault.effect, units[0], fault.factor) {
+            let effect = match (fault.effect, actuators[0], fault.factor) {
                 (EffectName::Weak, _, Some(factor)) if factor.is_finite() => Effect::Weak(factor),
                 (EffectName::Weak, ..) => {
                     let reason = "effect `weak` needs the part of the command that is followed, such as factor = 0.5";
@@ -108,8 +108,8 @@ impl Faults {
                 }
                 (EffectName::Stuck, ..) => Effect::Stuck,
                 (EffectName::Off, ..) => Effect::Off,
-                (EffectName::On, Unit::Thruster(_), _) => Effect::On,
-                (EffectName::Locked, Unit::Joint(_), _) => Effect::Locked,
+                (EffectName::On, Actuator::Thruster(_), _) => Effect::On,
+                (EffectName::Locked, Actuator::Joint(_), _) => Effect::Locked,
                 (EffectName::On, ..) => return Err(refuse("effect", "`on` is only for thrusters".to_owned())),
                 (EffectName::Locked, ..) => return Err(refuse("effect", "`locked` is only for joints".to_owned())),
             };
@@ -120,8 +120,8 @@ impl Faults {
             if until <= from {
                 return Err(refuse("until", format!("{until} s is not after `from`, {from} s")));
             }
-            faults.extend(units.into_iter().map(|unit| Fault {
-                unit,
+            faults.extend(actuators.into_iter().map(|actuator| Fault {
+                actuator,
                 effect,
                 from,
                 until,
@@ -131,21 +131,21 @@ impl Faults {
     }
 
     /// The fault of `unit` at `t`, s; the last active one in the list applies.
-    pub fn effect(&self, t: f64, unit: Unit) -> Option<Effect> {
+    pub fn effect(&self, t: f64, actuator: Actuator) -> Option<Effect> {
         self.0
             .iter()
             .rev()
-            .find(|fault| fault.unit == unit && fault.from <= t && t < fault.until)
+            .find(|fault| fault.actuator == actuator && fault.from <= t && t < fault.until)
             .map(|fault| fault.effect)
     }
 }
 
 /// The actuators that a name stands for; never an empty list.
-fn units(name: &str, joints: &[String; JOINTS]) -> Option<Vec<Unit>> {
+fn parse_actuators(name: &str, joints: &[String; JOINTS]) -> Option<Vec<Actuator>> {
     let (group, which) = name.split_once('.')?;
     let axis = |name: &str| ["x", "y", "z"].iter().position(|axis| *axis == name);
     match group {
-        "wheel" => Some(vec![Unit::Wheel(axis(which)?)]),
+        "wheel" => Some(vec![Actuator::Wheel(axis(which)?)]),
         "thruster" => {
             // in fours: two along the axis, then two against it
             let range = if let Some(along) = which.strip_prefix('+') {
@@ -160,9 +160,9 @@ fn units(name: &str, joints: &[String; JOINTS]) -> Option<Vec<Unit>> {
                 let number = which.parse().ok().filter(|number| *number < THRUSTERS)?;
                 number..number + 1
             };
-            Some(range.map(Unit::Thruster).collect())
+            Some(range.map(Actuator::Thruster).collect())
         }
-        "joint" => Some(vec![Unit::Joint(joints.iter().position(|joint| joint == which)?)]),
+        "joint" => Some(vec![Actuator::Joint(joints.iter().position(|joint| joint == which)?)]),
         _ => None,
     }
 }
@@ -172,21 +172,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thrusters_are_named_one_by_one_by_direction_or_by_axis() {
+    fn thrusters_are_named_by_number_direction_or_axis() {
         let joints: [String; JOINTS] = std::array::from_fn(|joint| format!("A{}", joint + 1));
         let numbers = |name: &str| {
-            let units = units(name, &joints)?;
-            let number = |unit: &Unit| match unit {
-                Unit::Thruster(number) => *number,
+            let actuators = parse_actuators(name, &joints)?;
+            let number = |actuator: &Actuator| match actuator {
+                Actuator::Thruster(number) => *number,
                 other => panic!("{other:?}"),
             };
-            Some(units.iter().map(number).collect::<Vec<_>>())
+            Some(actuators.iter().map(number).collect::<Vec<_>>())
         };
         assert_eq!(numbers("thruster.7"), Some(vec![7]));
         assert_eq!(numbers("thruster.+y"), Some(vec![4, 5]));
         assert_eq!(numbers("thruster.-x"), Some(vec![2, 3]));
         assert_eq!(numbers("thruster.z"), Some(vec![8, 9, 10, 11]));
-        for nobody in [
+        for unknown in [
             "thruster.12",
             "thruster.+w",
             "thruster.",
@@ -194,7 +194,7 @@ mod tests {
             "joint.A8",
             "wheel",
         ] {
-            assert!(units(nobody, &joints).is_none(), "{nobody}");
+            assert!(parse_actuators(unknown, &joints).is_none(), "{unknown}");
         }
     }
 }

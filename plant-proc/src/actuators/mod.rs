@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use parameters::not_negative;
 
-pub use channel::{Channel, ChannelState, Shape};
-pub use faults::{Effect, FaultParameters, Faults, Unit};
+pub use channel::{Channel, ChannelParameters, ChannelState};
+pub use faults::{Actuator, Effect, FaultParameters, Faults};
 pub use parameters::{ActuatorParameters, THRUSTERS, ThrusterParameters, WheelParameters};
 pub use thrusters::{Thrusters, ThrustersState};
 pub use wheels::{Wheels, WheelsState};
@@ -57,7 +57,7 @@ impl Actuators {
         period: f64,
     ) -> Result<Self, ParameterError> {
         let motor = &parameters.joints;
-        let shape = Shape::new(
+        let channel_parameters = ChannelParameters::new(
             "actuators.joints",
             motor.lag,
             motor.dead_zone.si(),
@@ -70,7 +70,7 @@ impl Actuators {
         Ok(Self {
             wheels: Wheels::new(&parameters.wheels, period)?,
             thrusters: Thrusters::new(&parameters.thrusters, period)?,
-            joints: motor.torque.si().map(|limit| Channel::new(shape, limit)),
+            joints: motor.torque.si().map(|limit| Channel::new(channel_parameters, limit)),
             faults: Faults::new(faults, joints)?,
         })
     }
@@ -104,15 +104,17 @@ impl Actuators {
         omega: &Vector3<f64>,
     ) -> Forces {
         let faults = &self.faults;
-        let turned = omega.cross(momentum);
-        let wheels = self.wheels.apply(&command.torque_B, momentum, &turned, |axis| {
-            faults.effect(t, Unit::Wheel(axis))
-        });
+        let gyroscopic_torque = omega.cross(momentum);
+        let wheels = self
+            .wheels
+            .apply(&command.torque_B, momentum, &gyroscopic_torque, |axis| {
+                faults.effect(t, Actuator::Wheel(axis))
+            });
         let (thruster_force, thruster_torque, thrust) =
             self.thrusters.apply(&command.force_B, &couples.torque_B, |n| {
-                faults.effect(t, Unit::Thruster(n))
+                faults.effect(t, Actuator::Thruster(n))
             });
-        let effects: [Option<Effect>; JOINTS] = std::array::from_fn(|joint| faults.effect(t, Unit::Joint(joint)));
+        let effects: [Option<Effect>; JOINTS] = std::array::from_fn(|joint| faults.effect(t, Actuator::Joint(joint)));
         Forces {
             wheel_torque: wheels.torque,
             compensated: wheels.compensated,

@@ -9,14 +9,14 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::parameters::THRUSTERS;
-use super::{Channel, ChannelState, Effect, Shape, ThrusterParameters, not_negative};
+use super::{Channel, ChannelParameters, ChannelState, Effect, ThrusterParameters, not_negative};
 
 /// Complete state of the thrusters.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ThrustersState {
     channels: [ChannelState; THRUSTERS],
     /// Commanded impulse not yet delivered, N s.
-    owed: [f64; THRUSTERS],
+    outstanding_impulse: [f64; THRUSTERS],
     /// Remaining steps of the current firing.
     firing: [u32; THRUSTERS],
 }
@@ -25,12 +25,12 @@ pub struct ThrustersState {
 #[derive(Debug, Clone)]
 pub struct Thrusters {
     channels: [Channel; THRUSTERS],
-    full: [f64; 3],
+    thrust_max: [f64; 3],
     lever_arm: [f64; 3],
     period: f64,
     /// Minimum on-time in steps; `None` for continuous thrust.
-    pulse: Option<u32>,
-    owed: [f64; THRUSTERS],
+    pulse_steps: Option<u32>,
+    outstanding_impulse: [f64; THRUSTERS],
     firing: [u32; THRUSTERS],
 }
 
@@ -45,7 +45,7 @@ impl Thrusters {
     /// # Errors
     /// Names the parameter that is out of range.
     pub fn new(parameters: &ThrusterParameters, period: f64) -> Result<Self, ParameterError> {
-        let shape = Shape::new(
+        let channel_parameters = ChannelParameters::new(
             "actuators.thrusters",
             parameters.lag,
             parameters.dead_zone.si(),
@@ -58,7 +58,7 @@ impl Thrusters {
             let of = [" about x", " about y", " about z"][axis];
             not_negative::<Length>("actuators.thrusters.lever_arm", of, parameters.lever_arm.si()[axis])?;
         }
-        let pulse = match parameters.minimum_on.map(|on| on.si()) {
+        let pulse_steps = match parameters.minimum_on.map(|on| on.si()) {
             None => None,
             Some(on) if on > 0.0 && on / period < 1e6 => Some((on / period).round_ties_even().max(1.0) as u32),
             Some(on) => {
@@ -67,14 +67,14 @@ impl Thrusters {
             }
         };
         // each thruster gives half of its axis' force
-        let full = parameters.force.si().map(|force| 0.5 * force);
+        let thrust_max = parameters.force.si().map(|force| 0.5 * force);
         Ok(Self {
-            channels: std::array::from_fn(|n| Channel::new(shape, full[n / 4])),
-            full,
+            channels: std::array::from_fn(|n| Channel::new(channel_parameters, thrust_max[n / 4])),
+            thrust_max,
             lever_arm: parameters.lever_arm.si(),
             period,
-            pulse,
-            owed: [0.0; THRUSTERS],
+            pulse_steps,
+            outstanding_impulse: [0.0; THRUSTERS],
             firing: [0; THRUSTERS],
         })
     }
@@ -82,7 +82,7 @@ impl Thrusters {
     pub fn state(&self) -> ThrustersState {
         ThrustersState {
             channels: self.channels.each_ref().map(Channel::state),
-            owed: self.owed,
+            outstanding_impulse: self.outstanding_impulse,
             firing: self.firing,
         }
     }
@@ -91,7 +91,7 @@ impl Thrusters {
         for (channel, state) in self.channels.iter_mut().zip(&state.channels) {
             channel.restore(state);
         }
-        self.owed = state.owed;
+        self.outstanding_impulse = state.outstanding_impulse;
         self.firing = state.firing;
     }
 
@@ -102,40 +102,40 @@ impl Thrusters {
         couple: &[f64; 3],
         effect: impl Fn(usize) -> Option<Effect>,
     ) -> (Vector3<f64>, Vector3<f64>, [f64; THRUSTERS]) {
-        let (mut made_force, mut made_torque) = (Vector3::zeros(), Vector3::zeros());
+        let (mut total_force, mut total_torque) = (Vector3::zeros(), Vector3::zeros());
         let mut each = [0.0; THRUSTERS];
         for turn in 0..3 {
             let (push, arm) = (push_axis(turn), self.lever_arm[turn]);
             let difference = if arm > 0.0 { couple[turn] / arm } else { 0.0 };
             let (first, second) = (0.5 * (force[push] + difference), 0.5 * (force[push] - difference));
-            let wanted = [first.max(0.0), second.max(0.0), (-first).max(0.0), (-second).max(0.0)];
-            let thrust: [f64; 4] = std::array::from_fn(|n| self.thrust(4 * push + n, wanted[n], effect(4 * push + n)));
+            let demand = [first.max(0.0), second.max(0.0), (-first).max(0.0), (-second).max(0.0)];
+            let thrust: [f64; 4] = std::array::from_fn(|n| self.thrust(4 * push + n, demand[n], effect(4 * push + n)));
             each[4 * push..4 * push + 4].copy_from_slice(&thrust);
             let (first, second) = (thrust[0] - thrust[2], thrust[1] - thrust[3]);
-            made_force[push] = first + second;
-            made_torque[turn] = arm * (first - second);
+            total_force[push] = first + second;
+            total_torque[turn] = arm * (first - second);
         }
-        (made_force, made_torque, each)
+        (total_force, total_torque, each)
     }
 
     /// Thrust of thruster `n` over a step, N.
-    fn thrust(&mut self, n: usize, wanted: f64, effect: Option<Effect>) -> f64 {
-        let Some(pulse) = self.pulse else {
-            return self.channels[n].apply(wanted, effect);
+    fn thrust(&mut self, n: usize, demand: f64, effect: Option<Effect>) -> f64 {
+        let Some(pulse_steps) = self.pulse_steps else {
+            return self.channels[n].apply(demand, effect);
         };
         // Pulses: fire at full thrust for at least the minimum on-time as soon as that much impulse is outstanding.
-        let full = self.full[n / 4];
-        let smallest = full * self.period * f64::from(pulse);
-        self.owed[n] = (self.owed[n] + wanted * self.period).min(2.0 * smallest);
-        if self.firing[n] == 0 && self.owed[n] >= smallest && smallest > 0.0 {
-            self.firing[n] = pulse;
+        let thrust_max = self.thrust_max[n / 4];
+        let impulse_min = thrust_max * self.period * f64::from(pulse_steps);
+        self.outstanding_impulse[n] = (self.outstanding_impulse[n] + demand * self.period).min(2.0 * impulse_min);
+        if self.firing[n] == 0 && self.outstanding_impulse[n] >= impulse_min && impulse_min > 0.0 {
+            self.firing[n] = pulse_steps;
         }
         if self.firing[n] == 0 {
             return self.channels[n].apply(0.0, effect);
         }
         self.firing[n] -= 1;
-        self.owed[n] -= full * self.period;
-        self.channels[n].apply(full, effect)
+        self.outstanding_impulse[n] -= thrust_max * self.period;
+        self.channels[n].apply(thrust_max, effect)
     }
 }
 
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn couples_turn_without_pushing() {
+    fn thruster_couples_give_torque_without_force() {
         let mut thrusters = Thrusters::new(&ThrusterParameters::default(), 0.001).unwrap();
         let (force, torque, thrust) = thrusters.apply(&[0.0, 1.0, 0.0], &[0.4, 0.0, -0.6], |_| None);
         assert!((force - Vector3::new(0.0, 1.0, 0.0)).amax() < 1e-15);
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn pulses_are_whole_and_make_the_impulse() {
+    fn pulses_last_the_minimum_on_time_and_keep_the_impulse() {
         let parameters = ThrusterParameters {
             minimum_on: Some(Quantity::of(0.02)),
             ..ThrusterParameters::default()

@@ -4,7 +4,7 @@ use lockstep::participant::ParameterError;
 use lockstep::units::{AngularMomentum, Torque};
 use nalgebra::Vector3;
 
-use super::{Channel, ChannelState, Effect, Shape, WheelParameters, not_negative};
+use super::{Channel, ChannelParameters, ChannelState, Effect, WheelParameters, not_negative};
 
 /// State of the wheels except their momentum, which is part of the motion.
 pub type WheelsState = [ChannelState; 3];
@@ -36,7 +36,7 @@ impl Wheels {
     /// Names the parameter that is out of range.
     pub fn new(parameters: &WheelParameters, period: f64) -> Result<Self, ParameterError> {
         let group = "actuators.wheels";
-        let shape = Shape::new(
+        let channel_parameters = ChannelParameters::new(
             group,
             parameters.lag,
             parameters.dead_zone.si(),
@@ -49,16 +49,19 @@ impl Wheels {
             if let Some(motor) = &parameters.motor_torque {
                 not_negative::<Torque>("actuators.wheels.motor_torque", of, motor.si()[axis])?;
             }
-            let full =
+            let momentum_limit =
                 not_negative::<AngularMomentum>("actuators.wheels.momentum", of, parameters.momentum.si()[axis])?;
             let start = parameters.start_momentum.si()[axis];
-            if start.abs() > full {
-                let reason = format!("{start} N m s{of} is more than the wheel can store ({full} N m s)");
+            if start.abs() > momentum_limit {
+                let reason = format!("{start} N m s{of} is more than the wheel can store ({momentum_limit} N m s)");
                 return Err(ParameterError::new("actuators.wheels.start_momentum", reason));
             }
         }
         Ok(Self {
-            channels: parameters.torque.si().map(|limit| Channel::new(shape, limit)),
+            channels: parameters
+                .torque
+                .si()
+                .map(|limit| Channel::new(channel_parameters, limit)),
             momentum: parameters.momentum.si(),
             motor_torque: parameters
                 .motor_torque
@@ -79,7 +82,7 @@ impl Wheels {
         }
     }
 
-    /// Wheel torques with `momentum` stored, N m s, and the gyroscopic torque `turned` = ω × h on the base, N m.
+    /// Wheel torques with `momentum` stored, N m s, and `gyroscopic_torque` = ω × h on the base, N m.
     ///
     /// All motor torque changes the wheel's momentum, whatever the torque is for. The motor torque is limited by what its wheel can store
     /// over the step and, if given, by the motor's own limit; then it cannot compensate all of the gyroscopic torque, and the rest acts on
@@ -88,7 +91,7 @@ impl Wheels {
         &mut self,
         command: &[f64; 3],
         momentum: &Vector3<f64>,
-        turned: &Vector3<f64>,
+        gyroscopic_torque: &Vector3<f64>,
         effect: impl Fn(usize) -> Option<Effect>,
     ) -> WheelTorque {
         let mut out = WheelTorque {
@@ -97,25 +100,29 @@ impl Wheels {
         };
         for (axis, &command) in command.iter().enumerate() {
             // a positive torque on the base reduces the wheel's momentum, so a wheel at its positive limit can give no negative torque
-            let full = self.momentum[axis];
-            let possible = if momentum[axis] >= full {
+            let momentum_limit = self.momentum[axis];
+            let feasible = if momentum[axis] >= momentum_limit {
                 command.max(0.0)
-            } else if momentum[axis] <= -full {
+            } else if momentum[axis] <= -momentum_limit {
                 command.min(0.0)
             } else {
                 command
             };
             let effect = effect(axis);
-            let given = self.channels[axis].apply(possible, effect);
+            let torque = self.channels[axis].apply(feasible, effect);
             let compensates = !self.gyroscopic && matches!(effect, None | Some(Effect::Weak(_)));
-            let asked = if compensates { given + turned[axis] } else { given };
-            let room = |stored: f64| (full - stored).max(0.0) / self.period;
+            let motor_demand = if compensates {
+                torque + gyroscopic_torque[axis]
+            } else {
+                torque
+            };
+            let torque_to_limit = |stored: f64| (momentum_limit - stored).max(0.0) / self.period;
             let limit = self.motor_torque[axis];
-            let motor = asked
+            let motor = motor_demand
                 .clamp(-limit, limit)
-                .clamp(-room(momentum[axis]), room(-momentum[axis]));
-            out.compensated[axis] = compensates && motor == asked;
-            out.torque[axis] = if out.compensated[axis] { given } else { motor };
+                .clamp(-torque_to_limit(momentum[axis]), torque_to_limit(-momentum[axis]));
+            out.compensated[axis] = compensates && motor == motor_demand;
+            out.torque[axis] = if out.compensated[axis] { torque } else { motor };
         }
         out
     }
@@ -126,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_wheel_only_empties() {
+    fn full_wheel_accepts_only_unloading_torque() {
         let mut wheels = Wheels::new(&WheelParameters::default(), 0.001).unwrap();
         let torque = |wheels: &mut Wheels, command: f64, stored: f64| {
             wheels
@@ -149,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn compensation_counts_in_what_a_wheel_can_take() {
+    fn compensation_counts_against_the_wheel_limits() {
         let wheels = |motor_torque: Option<f64>, gyroscopic: bool| {
             let parameters = WheelParameters {
                 motor_torque: motor_torque.map(|limit| lockstep::units::PerAxis::of([limit; 3])),
@@ -158,10 +165,13 @@ mod tests {
             };
             Wheels::new(&parameters, 0.001).unwrap()
         };
-        let apply = |mut wheels: Wheels, stored: f64, turned: f64, effect: Option<Effect>| {
-            let (momentum, turned) = (Vector3::new(0.0, stored, 0.0), Vector3::new(0.0, turned, 0.0));
-            let made = wheels.apply(&[0.0, 0.1, 0.0], &momentum, &turned, |_| effect);
-            (made.torque.y, made.compensated[1])
+        let apply = |mut wheels: Wheels, stored: f64, gyroscopic_torque: f64, effect: Option<Effect>| {
+            let (momentum, gyroscopic_torque) = (
+                Vector3::new(0.0, stored, 0.0),
+                Vector3::new(0.0, gyroscopic_torque, 0.0),
+            );
+            let output = wheels.apply(&[0.0, 0.1, 0.0], &momentum, &gyroscopic_torque, |_| effect);
+            (output.torque.y, output.compensated[1])
         };
         assert_eq!(apply(wheels(None, false), 11.0, -0.3, None), (0.1, true));
         // the motor torque would exceed the wheel's momentum limit: it is zero, and the gyroscopic torque acts on the base

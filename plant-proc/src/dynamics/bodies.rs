@@ -7,7 +7,7 @@ use super::{Model, Motion, Totals};
 
 /// Quantities for the truth message that need all bodies of the servicer.
 #[derive(Debug, Clone, Copy)]
-pub struct Bodies {
+pub struct BodyQuantities {
     /// Pose of the end effector in the base.
     pub end_effector: Placement,
     /// Twist of the end effector in its own axes: ω_NE, v_NE.
@@ -16,7 +16,7 @@ pub struct Bodies {
     pub momentum: (Momentum, f64),
 }
 
-impl Bodies {
+impl BodyQuantities {
     /// Evaluates them at this motion.
     pub fn of(model: &Model, motion: &Motion) -> Self {
         let kinematics = model.kinematics(&motion.servicer);

@@ -39,17 +39,17 @@ fn project(mass: &MassMatrix, braked: &[bool; JOINTS], x: &mut Generalised) {
         columns.set_column(joint, &factor.solve(&unit));
     }
     let mut system = SMatrix::<f64, JOINTS, JOINTS>::identity();
-    let mut wanted = nalgebra::SVector::<f64, JOINTS>::zeros();
+    let mut rhs = nalgebra::SVector::<f64, JOINTS>::zeros();
     for row in (0..JOINTS).filter(|&joint| braked[joint]) {
         for column in (0..JOINTS).filter(|&joint| braked[joint]) {
             system[(row, column)] = columns[(6 + row, column)];
         }
-        wanted[row] = -x[6 + row];
+        rhs[row] = -x[6 + row];
     }
     let Some(factor) = system.cholesky() else {
         return;
     };
-    *x += columns * factor.solve(&wanted);
+    *x += columns * factor.solve(&rhs);
     for joint in (0..JOINTS).filter(|&joint| braked[joint]) {
         x[6 + joint] = 0.0;
     }

@@ -35,11 +35,11 @@ impl Totals {
 
     /// Momentum and kinetic energy of the servicer; `kinematics` are those of its tree.
     pub fn own(model: &Model, kinematics: &Kinematics<COORDINATES, VELOCITIES>, motion: &Motion) -> (Momentum, f64) {
-        match &model.sphere {
+        match &model.spherical {
             None => model.tree.momentum_and_energy(kinematics),
-            Some(sphere) => sphere
+            Some(spherical) => spherical
                 .tree()
-                .momentum_and_energy(&sphere.state(&motion.servicer, &motion.bob)),
+                .momentum_and_energy(&spherical.state(&motion.servicer, &motion.bob)),
         }
     }
 
@@ -53,9 +53,11 @@ impl Totals {
     ) -> Self {
         let servicer = &motion.servicer;
         let own_energy = own_energy
-            + match &model.sphere {
+            + match &model.spherical {
                 None => model.tree.potential_energy(servicer),
-                Some(sphere) => sphere.tree().potential_energy(&sphere.state(servicer, &motion.bob)),
+                Some(spherical) => spherical
+                    .tree()
+                    .potential_energy(&spherical.state(servicer, &motion.bob)),
             };
         let to_world = |vector: &Vector3<f64>| servicer.quat_nb.rotate(vector);
         let centre = servicer.p_nb + to_world(&momentum.p_bc);

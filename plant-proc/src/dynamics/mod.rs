@@ -1,23 +1,23 @@
 //! Dynamics of the servicer, with a conservation ledger of momentum and energy.
 
-mod abreast;
+mod batch;
 mod bodies;
 mod constraint;
 mod coordinates;
-mod flow;
 mod ledger;
+mod mechanics;
 mod model;
 mod motion;
 mod slosh_model;
-mod sphere;
+mod spherical_pendulum;
 
-pub use abreast::{Models, Under};
-pub use bodies::Bodies;
+pub use batch::{Models, SteppedPlant};
+pub use bodies::BodyQuantities;
 pub use constraint::stop_joints;
 pub use coordinates::{COORDINATES, Generalised, Servicer, Target, TargetTree, Tree, VELOCITIES};
-pub use flow::Mechanics;
 pub use ledger::{Ledger, Totals};
+pub use mechanics::Mechanics;
 pub use model::{Grasp, Model, quaternion_of};
 pub use motion::{Forces, Motion};
 pub use slosh_model::SloshModel;
-pub use sphere::Bob;
+pub use spherical_pendulum::Bob;

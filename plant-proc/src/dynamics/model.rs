@@ -8,7 +8,7 @@ use multibody::{Description, FrameId, Inertia, Kinematics, Placement, Quaternion
 use nalgebra::{Matrix3, Rotation3, SMatrix, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::sphere::{Sphere, across};
+use super::spherical_pendulum::{SphericalPendulum, perpendicular_directions};
 use super::{COORDINATES, Generalised, Motion, Servicer, SloshModel, Target, TargetTree, Tree, VELOCITIES};
 
 /// The constants of a run.
@@ -19,7 +19,7 @@ pub struct Model {
     /// The servicer, after the grasp with the target welded to it.
     pub tree: Tree,
     /// The same with a spherical pendulum in place of the two hinges, if selected. `tree` then provides the geometry only.
-    pub sphere: Option<Sphere>,
+    pub spherical: Option<SphericalPendulum>,
     /// The end effector.
     pub end_effector: FrameId,
     /// The target on its own.
@@ -89,16 +89,16 @@ impl Model {
         let body =
             Description::rigid_body("target", target_inertia).map_err(|error| refuse("target.inertia", &error))?;
         let [roll, pitch, yaw] = target.grasp.attitude.si();
-        let sphere = match slosh_model {
+        let spherical = match slosh_model {
             SloshModel::Hinges => None,
             SloshModel::Spherical => {
-                let sphere = Sphere::new(&description, servicer).map_err(|reason| {
+                let spherical = SphericalPendulum::new(&description, servicer).map_err(|reason| {
                     refuse(
                         "slosh",
                         &format!("`spherical` does not fit the URDF: {reason}; or write \"hinges\""),
                     )
                 })?;
-                Some(sphere)
+                Some(spherical)
             }
         };
         let grasp = Placement {
@@ -106,9 +106,9 @@ impl Model {
             r: rotation::roll_pitch_yaw(roll, pitch, yaw),
         };
         Ok(Self {
-            version: fresh(),
+            version: next_version(),
             tree,
-            sphere,
+            spherical,
             end_effector,
             target: TargetTree::new(&body).map_err(|error| refuse("target.inertia", &error))?,
             target_inertia,
@@ -123,7 +123,7 @@ impl Model {
     }
 
     /// Motion of a frame that is welded to the end effector at `held`.
-    pub fn carried(&self, servicer: &Servicer, held: &Placement) -> Target {
+    pub fn held_target_motion(&self, servicer: &Servicer, held: &Placement) -> Target {
         let kinematics = self.kinematics(servicer);
         let placement = self.tree.placement(&kinematics, self.end_effector).then(held);
         let (omega, v) = self.twist(&kinematics, servicer);
@@ -186,7 +186,7 @@ impl Model {
         let after = self.mass_matrix(motion);
         let nu = after.cholesky()?.solve(&momentum);
         self.set_velocities(motion, &nu);
-        *target = self.carried(&motion.servicer, &held);
+        *target = self.held_target_motion(&motion.servicer, &held);
         Some(Grasp {
             held,
             loss: energy_before - 0.5 * nu.dot(&(after * nu)),
@@ -195,18 +195,18 @@ impl Model {
 
     /// Welds the target to the end effector at `held`, and changes nothing else: for a run restored after the grasp.
     pub fn restore_grasp(&mut self, held: &Placement) {
-        self.version = fresh();
+        self.version = next_version();
         self.tree.attach(self.end_effector, held, &self.target_inertia);
-        if let Some(sphere) = &mut self.sphere {
-            sphere.attach(held, &self.target_inertia);
+        if let Some(spherical) = &mut self.spherical {
+            spherical.attach(held, &self.target_inertia);
         }
     }
 
     /// All velocities: base, joints, and the pendulum's two.
     pub fn velocities(&self, motion: &Motion) -> Generalised {
         let mut nu = motion.servicer.nu;
-        if self.sphere.is_some() {
-            for (at, direction) in across(&motion.bob.d).iter().enumerate() {
+        if self.spherical.is_some() {
+            for (at, direction) in perpendicular_directions(&motion.bob.d).iter().enumerate() {
                 nu[VELOCITIES - 2 + at] = direction.dot(&motion.bob.w);
             }
         }
@@ -216,8 +216,8 @@ impl Model {
     /// Inverse of [`Model::velocities`]: writes the velocities into `motion`.
     pub fn set_velocities(&self, motion: &mut Motion, nu: &Generalised) {
         motion.servicer.nu = *nu;
-        if self.sphere.is_some() {
-            let [first, second] = across(&motion.bob.d);
+        if self.spherical.is_some() {
+            let [first, second] = perpendicular_directions(&motion.bob.d);
             motion.bob.w = first * nu[VELOCITIES - 2] + second * nu[VELOCITIES - 1];
             (motion.servicer.nu[VELOCITIES - 2], motion.servicer.nu[VELOCITIES - 1]) = (0.0, 0.0);
         }
@@ -225,15 +225,15 @@ impl Model {
 
     /// The mass matrix for these velocities.
     pub fn mass_matrix(&self, motion: &Motion) -> SMatrix<f64, VELOCITIES, VELOCITIES> {
-        match &self.sphere {
+        match &self.spherical {
             None => self.tree.mass_matrix(&motion.servicer.q),
-            Some(sphere) => sphere.mass_matrix(&motion.servicer, &motion.bob),
+            Some(spherical) => spherical.mass_matrix(&motion.servicer, &motion.bob),
         }
     }
 }
 
 /// A version number not yet used in this process.
-fn fresh() -> u64 {
+fn next_version() -> u64 {
     static VERSIONS: AtomicU64 = AtomicU64::new(0);
     VERSIONS.fetch_add(1, Ordering::Relaxed)
 }

@@ -7,8 +7,8 @@ use multibody::Quaternion;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::errors::samples_every;
-use super::{ErrorParameters, ErrorState, Errors, Source};
+use super::errors::period_ratio;
+use super::{RandomSource, SensorErrorParameters, SensorErrorState, SensorErrors};
 use crate::dynamics::Target;
 
 /// The camera of a scenario.
@@ -19,9 +19,9 @@ pub struct CameraParameters {
     /// the link.
     pub period: Quantity<Time>,
     /// Errors of the position, world axes; `period` in it is not used.
-    pub position: ErrorParameters<Length, 3>,
+    pub position: SensorErrorParameters<Length, 3>,
     /// Errors of the attitude: small rotations about target axes; `period` in it is not used.
-    pub attitude: ErrorParameters<Angle, 3>,
+    pub attitude: SensorErrorParameters<Angle, 3>,
 }
 
 impl Default for CameraParameters {
@@ -29,8 +29,8 @@ impl Default for CameraParameters {
     fn default() -> Self {
         Self {
             period: Quantity::of(0.1),
-            position: ErrorParameters::default(),
-            attitude: ErrorParameters::default(),
+            position: SensorErrorParameters::default(),
+            attitude: SensorErrorParameters::default(),
         }
     }
 }
@@ -38,15 +38,15 @@ impl Default for CameraParameters {
 /// Complete state of the camera: its errors, and the last measurement.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct CameraState {
-    errors: [ErrorState; 2],
+    errors: [SensorErrorState; 2],
     held: [f64; 8],
 }
 
 /// The camera.
 #[derive(Debug, Clone)]
 pub struct Camera {
-    position: Errors<3>,
-    attitude: Errors<3>,
+    position: SensorErrors<3>,
+    attitude: SensorErrors<3>,
     held: CameraPose,
 }
 
@@ -55,8 +55,8 @@ impl Camera {
     ///
     /// # Errors
     /// Names the parameter that is out of range.
-    pub fn new(parameters: &CameraParameters, source: Source) -> Result<Self, ParameterError> {
-        samples_every(Some(parameters.period), source.period)
+    pub fn new(parameters: &CameraParameters, source: RandomSource) -> Result<Self, ParameterError> {
+        period_ratio(Some(parameters.period), source.period)
             .map_err(|reason| ParameterError::new("sensors.camera.period", reason))?;
         let mut parameters = parameters.clone();
         for (key, given) in [
@@ -71,8 +71,8 @@ impl Camera {
         parameters.position.period = Some(parameters.period);
         parameters.attitude.period = Some(parameters.period);
         Ok(Self {
-            position: Errors::new("sensors.camera.position", &parameters.position, source)?,
-            attitude: Errors::new("sensors.camera.attitude", &parameters.attitude, source)?,
+            position: SensorErrors::new("sensors.camera.position", &parameters.position, source)?,
+            attitude: SensorErrors::new("sensors.camera.attitude", &parameters.attitude, source)?,
             held: CameraPose::default(),
         })
     }

@@ -5,12 +5,12 @@ use lockstep::random::Stream;
 use lockstep::units::{Kind, PerAxis, Quantity, Time};
 use serde::{Deserialize, Serialize};
 
-use super::Source;
+use super::RandomSource;
 
 /// Errors of a sensor, all zero by default.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default, bound = "K: Kind")]
-pub struct ErrorParameters<K, const N: usize> {
+pub struct SensorErrorParameters<K, const N: usize> {
     /// Sampling period, a multiple of the plant's period; the last sample is held. The plant's period by default.
     pub period: Option<Quantity<Time>>,
     /// Constant error of each channel.
@@ -27,7 +27,7 @@ pub struct ErrorParameters<K, const N: usize> {
     pub quantum: Quantity<K>,
 }
 
-impl<K, const N: usize> Default for ErrorParameters<K, N> {
+impl<K, const N: usize> Default for SensorErrorParameters<K, N> {
     fn default() -> Self {
         Self {
             period: None,
@@ -43,14 +43,14 @@ impl<K, const N: usize> Default for ErrorParameters<K, N> {
 
 /// State of a sensor's errors.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub struct ErrorState {
+pub struct SensorErrorState {
     walk: Vec<f64>,
     drift: Vec<f64>,
 }
 
 /// The errors of a sensor.
 #[derive(Debug, Clone)]
-pub struct Errors<const N: usize> {
+pub struct SensorErrors<const N: usize> {
     every: u64,
     bias: [f64; N],
     /// Standard deviation of the walk's increment per sample.
@@ -60,16 +60,20 @@ pub struct Errors<const N: usize> {
     white: f64,
     quantum: f64,
     streams: [[Stream; N]; 3],
-    walked: [f64; N],
-    drifted: [f64; N],
+    walk_errors: [f64; N],
+    drift_errors: [f64; N],
 }
 
-impl<const N: usize> Errors<N> {
+impl<const N: usize> SensorErrors<N> {
     /// Error model of the sensor with its parameters at `key`.
     ///
     /// # Errors
     /// Names the parameter that is out of range.
-    pub fn new<K: Kind>(key: &str, parameters: &ErrorParameters<K, N>, source: Source) -> Result<Self, ParameterError> {
+    pub fn new<K: Kind>(
+        key: &str,
+        parameters: &SensorErrorParameters<K, N>,
+        source: RandomSource,
+    ) -> Result<Self, ParameterError> {
         let refuse = |name: &str, reason: String| ParameterError::new(format!("{key}.{name}"), reason);
         for (name, value) in [
             ("walk", parameters.walk.si()),
@@ -86,10 +90,10 @@ impl<const N: usize> Errors<N> {
                 return Err(refuse(name, reason));
             }
         }
-        let every = samples_every(parameters.period, source.period).map_err(|reason| refuse("period", reason))?;
+        let every = period_ratio(parameters.period, source.period).map_err(|reason| refuse("period", reason))?;
         let period = every as f64 * source.period;
         let sigma = parameters.drift.si();
-        let left = match parameters.drift_time.map(|time| time.si()) {
+        let decay = match parameters.drift_time.map(|time| time.si()) {
             Some(time) if time > 0.0 => libm::exp(-period / time),
             Some(time) => return Err(refuse("drift_time", format!("{time} s is not above zero"))),
             None if sigma > 0.0 => {
@@ -110,37 +114,37 @@ impl<const N: usize> Errors<N> {
             every,
             bias: parameters.bias.si(),
             walk_step: parameters.walk.si() * period.sqrt(),
-            drift: (left, sigma, sigma * (1.0 - left * left).sqrt()),
+            drift: (decay, sigma, sigma * (1.0 - decay * decay).sqrt()),
             white: parameters.white.si(),
             quantum: parameters.quantum.si(),
             streams,
-            walked: [0.0; N],
-            drifted: [0.0; N],
+            walk_errors: [0.0; N],
+            drift_errors: [0.0; N],
         };
         // the drift is stationary from the start
         for channel in 0..N {
-            errors.drifted[channel] = sigma * errors.streams[1][channel].normal(0);
+            errors.drift_errors[channel] = sigma * errors.streams[1][channel].normal(0);
         }
         Ok(errors)
     }
 
     /// Their complete state.
-    pub fn state(&self) -> ErrorState {
-        ErrorState {
-            walk: self.walked.to_vec(),
-            drift: self.drifted.to_vec(),
+    pub fn state(&self) -> SensorErrorState {
+        SensorErrorState {
+            walk: self.walk_errors.to_vec(),
+            drift: self.drift_errors.to_vec(),
         }
     }
 
     /// Continues from `state`; a state with another number of channels is ignored.
-    pub fn restore(&mut self, state: &ErrorState) {
+    pub fn restore(&mut self, state: &SensorErrorState) {
         if let (Ok(walk), Ok(drift)) = (state.walk[..].try_into(), state.drift[..].try_into()) {
-            (self.walked, self.drifted) = (walk, drift);
+            (self.walk_errors, self.drift_errors) = (walk, drift);
         }
     }
 
     /// Whether a reading depends on earlier ones: it is held, or its error is a walk or a drift.
-    pub fn remember(&self) -> bool {
+    pub fn has_memory(&self) -> bool {
         self.every > 1 || self.walk_step > 0.0 || self.drift.1 > 0.0
     }
 
@@ -152,15 +156,16 @@ impl<const N: usize> Errors<N> {
     /// The error of sample number `n`, without quantisation. Samples are taken in order.
     pub fn error(&mut self, n: u64) -> [f64; N] {
         let [walk, drift, white] = &self.streams;
-        let (left, sigma, fresh) = self.drift;
+        let (decay, sigma, driving_sigma) = self.drift;
         std::array::from_fn(|channel| {
             if n > 0 && self.walk_step > 0.0 {
-                self.walked[channel] += self.walk_step * walk[channel].normal(n);
+                self.walk_errors[channel] += self.walk_step * walk[channel].normal(n);
             }
             if n > 0 && sigma > 0.0 {
-                self.drifted[channel] = left * self.drifted[channel] + fresh * drift[channel].normal(n);
+                self.drift_errors[channel] =
+                    decay * self.drift_errors[channel] + driving_sigma * drift[channel].normal(n);
             }
-            let mut error = self.bias[channel] + self.walked[channel] + self.drifted[channel];
+            let mut error = self.bias[channel] + self.walk_errors[channel] + self.drift_errors[channel];
             if self.white > 0.0 {
                 error += self.white * white[channel].normal(n);
             }
@@ -185,7 +190,7 @@ impl<const N: usize> Errors<N> {
 }
 
 /// Number of plant periods in one sensor period.
-pub fn samples_every(period: Option<Quantity<Time>>, plant: f64) -> Result<u64, String> {
+pub fn period_ratio(period: Option<Quantity<Time>>, plant: f64) -> Result<u64, String> {
     let Some(period) = period.map(|period| period.si()) else {
         return Ok(1);
     };
@@ -203,28 +208,28 @@ mod tests {
     use super::*;
     use lockstep::units::Length;
 
-    fn errors(parameters: &ErrorParameters<Length, 3>) -> Errors<3> {
-        let source = Source {
+    fn errors(parameters: &SensorErrorParameters<Length, 3>) -> SensorErrors<3> {
+        let source = RandomSource {
             seed: 7,
             participant: "plant",
             period: 0.001,
         };
-        Errors::new("sensors.position", parameters, source).unwrap()
+        SensorErrors::new("sensors.position", parameters, source).unwrap()
     }
 
     #[test]
-    fn exact_unless_asked_otherwise() {
-        let mut exact = errors(&ErrorParameters::default());
+    fn sensor_is_exact_by_default() {
+        let mut exact = errors(&SensorErrorParameters::default());
         assert_eq!(exact.read(0, [0.1, -0.2, 1e9]), [0.1, -0.2, 1e9]);
     }
 
     #[test]
-    fn drift_has_its_size_and_time_constant() {
-        let mut drifting = errors(&ErrorParameters {
+    fn drift_has_its_deviation_and_time_constant() {
+        let mut drifting = errors(&SensorErrorParameters {
             drift: Quantity::of(0.003),
             drift_time: Some(Quantity::of(5.0)),
             period: Some(Quantity::of(0.1)),
-            ..ErrorParameters::default()
+            ..SensorErrorParameters::default()
         });
         let n = 200_000;
         let x: Vec<f64> = (0..n).map(|i| drifting.error(i)[0]).collect();
@@ -239,19 +244,19 @@ mod tests {
     }
 
     #[test]
-    fn a_walk_grows_with_the_root_of_time() {
-        let parameters = ErrorParameters::<Length, 3> {
+    fn random_walk_grows_with_the_root_of_time() {
+        let parameters = SensorErrorParameters::<Length, 3> {
             walk: Quantity::of(0.01),
-            ..ErrorParameters::default()
+            ..SensorErrorParameters::default()
         };
         let ends: Vec<f64> = (0..300)
             .flat_map(|seed| {
-                let source = Source {
+                let source = RandomSource {
                     seed,
                     participant: "plant",
                     period: 0.001,
                 };
-                let mut walking = Errors::new("a", &parameters, source).unwrap();
+                let mut walking = SensorErrors::new("a", &parameters, source).unwrap();
                 (0..4000).map(|n| walking.error(n)).last().unwrap()
             })
             .collect();
@@ -261,13 +266,13 @@ mod tests {
 
     #[test]
     fn samples_are_taken_at_multiples_of_the_plants_period() {
-        let slow = errors(&ErrorParameters {
+        let slow = errors(&SensorErrorParameters {
             period: Some(Quantity::of(0.01)),
-            ..ErrorParameters::default()
+            ..SensorErrorParameters::default()
         });
         assert_eq!((slow.due(0), slow.due(9), slow.due(30)), (Some(0), None, Some(3)));
         assert!(
-            samples_every(Some(Quantity::of(0.0015)), 0.001)
+            period_ratio(Some(Quantity::of(0.0015)), 0.001)
                 .unwrap_err()
                 .contains("multiple")
         );

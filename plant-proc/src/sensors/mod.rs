@@ -13,10 +13,10 @@ use lockstep::participant::ParameterError;
 use serde::{Deserialize, Serialize};
 
 pub use camera::{Camera, CameraParameters, CameraState};
-pub use errors::{ErrorParameters, ErrorState, Errors};
+pub use errors::{SensorErrorParameters, SensorErrorState, SensorErrors};
 pub use parameters::SensorParameters;
 pub use servicer::{ServicerSensors, ServicerSensorsState};
-pub use source::Source;
+pub use source::RandomSource;
 
 /// Complete state of the sensors.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -41,7 +41,7 @@ impl Sensors {
     ///
     /// # Errors
     /// Names the parameter that is out of range.
-    pub fn new(parameters: &SensorParameters, source: Source) -> Result<Self, ParameterError> {
+    pub fn new(parameters: &SensorParameters, source: RandomSource) -> Result<Self, ParameterError> {
         Ok(Self {
             servicer: ServicerSensors::new(parameters, source)?,
             camera: Camera::new(&parameters.camera, source)?,

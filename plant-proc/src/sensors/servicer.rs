@@ -6,25 +6,25 @@ use multibody::Quaternion;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{ErrorState, Errors, SensorParameters, Source};
+use super::{RandomSource, SensorErrorState, SensorErrors, SensorParameters};
 use crate::dynamics::Servicer;
 
 /// Complete state of these sensors: the errors, and the held readings.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ServicerSensorsState {
-    errors: [ErrorState; 6],
+    errors: [SensorErrorState; 6],
     held: [f64; 27],
 }
 
 /// Sensors of base and joints.
 #[derive(Debug, Clone)]
 pub struct ServicerSensors {
-    position: Errors<3>,
-    attitude: Errors<3>,
-    rate: Errors<3>,
-    velocity: Errors<3>,
-    joint_angle: Errors<JOINTS>,
-    joint_rate: Errors<JOINTS>,
+    position: SensorErrors<3>,
+    attitude: SensorErrors<3>,
+    rate: SensorErrors<3>,
+    velocity: SensorErrors<3>,
+    joint_angle: SensorErrors<JOINTS>,
+    joint_rate: SensorErrors<JOINTS>,
     held: Measured,
 }
 
@@ -33,14 +33,14 @@ impl ServicerSensors {
     ///
     /// # Errors
     /// Names the parameter that is out of range.
-    pub fn new(parameters: &SensorParameters, source: Source) -> Result<Self, ParameterError> {
+    pub fn new(parameters: &SensorParameters, source: RandomSource) -> Result<Self, ParameterError> {
         Ok(Self {
-            position: Errors::new("sensors.position", &parameters.position, source)?,
-            attitude: Errors::new("sensors.attitude", &parameters.attitude, source)?,
-            rate: Errors::new("sensors.rate", &parameters.rate, source)?,
-            velocity: Errors::new("sensors.velocity", &parameters.velocity, source)?,
-            joint_angle: Errors::new("sensors.joint_angle", &parameters.joint_angle, source)?,
-            joint_rate: Errors::new("sensors.joint_rate", &parameters.joint_rate, source)?,
+            position: SensorErrors::new("sensors.position", &parameters.position, source)?,
+            attitude: SensorErrors::new("sensors.attitude", &parameters.attitude, source)?,
+            rate: SensorErrors::new("sensors.rate", &parameters.rate, source)?,
+            velocity: SensorErrors::new("sensors.velocity", &parameters.velocity, source)?,
+            joint_angle: SensorErrors::new("sensors.joint_angle", &parameters.joint_angle, source)?,
+            joint_rate: SensorErrors::new("sensors.joint_rate", &parameters.joint_rate, source)?,
             held: Measured::default(),
         })
     }
@@ -93,10 +93,10 @@ impl ServicerSensors {
     }
 
     /// Whether a reading depends on earlier readings.
-    pub fn remember(&self) -> bool {
+    pub fn has_memory(&self) -> bool {
         let three = [&self.position, &self.attitude, &self.rate, &self.velocity];
         let seven = [&self.joint_angle, &self.joint_rate];
-        three.into_iter().any(Errors::remember) || seven.into_iter().any(Errors::remember)
+        three.into_iter().any(SensorErrors::has_memory) || seven.into_iter().any(SensorErrors::has_memory)
     }
 
     /// The readings at the plant's output number `k`.
@@ -111,8 +111,8 @@ impl ServicerSensors {
             held.quat_NB = if error == [0.0; 3] {
                 servicer.quat_nb.to_wxyz()
             } else {
-                let turned = servicer.quat_nb.times(Quaternion::exp(&Vector3::from(error)));
-                turned.normalized().to_wxyz()
+                let disturbed = servicer.quat_nb.times(Quaternion::exp(&Vector3::from(error)));
+                disturbed.normalized().to_wxyz()
             };
         }
         if let Some(n) = self.rate.due(k) {

@@ -2,7 +2,7 @@
 
 /// Source of a sensor's random numbers.
 #[derive(Debug, Clone, Copy)]
-pub struct Source<'a> {
+pub struct RandomSource<'a> {
     /// The seed of the run.
     pub seed: u64,
     /// The participant's name.

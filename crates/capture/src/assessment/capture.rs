@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use tape::StreamSpec;
 
 use super::Summary;
-use super::criteria::judged;
+use super::criteria::evaluate_criteria;
 use super::parameters::{Criteria, Limits, Parameters};
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
@@ -26,7 +26,7 @@ pub struct Capture {
     grasp_at: f64,
     criteria: Criteria,
     limits: [f64; 13],
-    seen: Seen,
+    accumulated: Accumulated,
 }
 
 /// The fields of the truth.
@@ -61,7 +61,7 @@ struct CommandFields {
 
 /// The state accumulated so far.
 #[derive(Debug, Default, Serialize, Deserialize)]
-struct Seen {
+struct Accumulated {
     peaks: [f64; 13],
     integrals: [f64; 3],
     commands: u64,
@@ -75,12 +75,12 @@ struct Seen {
     residuals: [f64; 3],
     jerk: Jerk,
     /// The newest truth.
-    last: Option<Last>,
+    last: Option<LastTruth>,
     joint_range: Option<[[f64; 7]; 2]>,
 }
 
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-struct Last {
+struct LastTruth {
     stamp: f64,
     base_position: [f64; 3],
     joints: [f64; 7],
@@ -123,10 +123,12 @@ fn smaller(a: f64, b: f64) -> f64 {
 }
 
 fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |most, value| larger(most, value.abs()))
+    values
+        .iter()
+        .fold(0.0, |largest_so_far, value| larger(largest_so_far, value.abs()))
 }
 
-fn length(vector: [f64; 3]) -> f64 {
+fn norm(vector: [f64; 3]) -> f64 {
     vector.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
@@ -159,12 +161,12 @@ impl Capture {
             grasp_at,
             criteria: parameters.criteria.clone(),
             limits,
-            seen: Seen::default(),
+            accumulated: Accumulated::default(),
         })
     }
 
     fn truth(&mut self, stamp: f64, payload: &[u8]) {
-        let (fields, figures) = (&self.truth, &mut self.seen);
+        let (fields, figures) = (&self.truth, &mut self.accumulated);
         figures.slosh = larger(figures.slosh, largest(&fields.slosh.read(payload)));
         let momentum = largest(&fields.wheel_momentum.read(payload));
         figures.wheel_momentum = larger(figures.wheel_momentum, momentum);
@@ -174,8 +176,8 @@ impl Capture {
         figures.impulses[1] += sum(&force);
         figures.swing = larger(figures.swing, fields.slosh_swing.read(payload)[0]);
         let residuals = [
-            length(fields.linear_residual.read(payload)),
-            length(fields.angular_residual.read(payload)),
+            norm(fields.linear_residual.read(payload)),
+            norm(fields.angular_residual.read(payload)),
             largest(&fields.energy_residual.read(payload)),
         ];
         for (worst, residual) in figures.residuals.iter_mut().zip(residuals) {
@@ -194,7 +196,7 @@ impl Capture {
         }
         let [grasped] = fields.grasped.read(payload);
         let [impact_loss] = fields.impact_loss.read(payload);
-        figures.last = Some(Last {
+        figures.last = Some(LastTruth {
             stamp,
             base_position: fields.base_position.read(payload),
             joints,
@@ -204,7 +206,7 @@ impl Capture {
     }
 
     fn command(&mut self, payload: &[u8]) {
-        let (fields, figures) = (&self.command, &mut self.seen);
+        let (fields, figures) = (&self.command, &mut self.accumulated);
         let mut command = [0.0; 13];
         let parts = fields
             .torque
@@ -282,26 +284,26 @@ impl Assessment for Capture {
     }
 
     fn save(&self) -> Option<Vec<u8>> {
-        wire::encode("the figures of a capture", &self.seen).ok()
+        wire::encode("the figures of a capture", &self.accumulated).ok()
     }
 
     fn restore(&mut self, saved: &[u8], _: &[bool]) -> Result<(), String> {
-        let seen = wire::decode("the figures of a capture", saved);
-        self.seen = seen.map_err(|error| error.to_string())?;
+        let accumulated = wire::decode("the figures of a capture", saved);
+        self.accumulated = accumulated.map_err(|error| error.to_string())?;
         Ok(())
     }
 
     fn finish(&mut self, measures: Vec<Measured>) -> Figures {
         let summary = self.summary();
-        let own = judged(&self.criteria, &summary);
-        summary.figures(own, measures)
+        let criteria = evaluate_criteria(&self.criteria, &summary);
+        summary.figures(criteria, measures)
     }
 }
 
 impl Capture {
     /// The figures of the samples so far.
     pub fn summary(&self) -> Summary {
-        let figures = &self.seen;
+        let figures = &self.accumulated;
         let last = figures.last;
         let part = |count: u64| count as f64 / figures.commands.max(1) as f64;
         let [low, high] = figures.joint_range.unwrap_or_default();

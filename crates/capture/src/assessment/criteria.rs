@@ -8,7 +8,7 @@ use super::summary::Summary;
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// Evaluates `criteria` on the figures of `summary`.
-pub fn judged(criteria: &Criteria, summary: &Summary) -> Vec<Criterion> {
+pub fn evaluate_criteria(criteria: &Criteria, summary: &Summary) -> Vec<Criterion> {
     let saturated = criteria.saturated_fraction.map(|limit| {
         let value = summary.saturated_fraction;
         criterion("saturated_fraction", value, limit)

@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub struct Parameters {
     /// The kind of run; there is one kind so far.
     #[allow(dead_code)] // its only value is checked by reading it
-    pub kind: Kind,
+    pub kind: AssessmentKind,
     /// The time at which the end effector is to reach the grasp frame.
     pub grasp_at: Quantity<Time>,
     /// The stream with the truth, `participant.port`; unless given, the one with the message `Truth`.
@@ -27,7 +27,7 @@ pub struct Parameters {
 /// The kind of run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum AssessmentKind {
     /// The capture of a target by an arm.
     Capture,
 }

@@ -67,9 +67,9 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// As the figures of a run, with the criteria `own` next to `measures`. If there are criteria and all are met, the
+    /// As the figures of a run, with `criteria` next to `measures`. If there are criteria and all are met, the
     /// target is captured.
-    pub fn figures(self, own: Vec<Criterion>, measures: Vec<Measured>) -> Figures {
+    pub fn figures(self, criteria: Vec<Criterion>, measures: Vec<Measured>) -> Figures {
         let values = match serde_json::to_value(&self) {
             Ok(Value::Object(values)) => values,
             _ => serde_json::Map::new(),
@@ -78,7 +78,7 @@ impl Summary {
         let mut figures = Figures {
             values,
             lines,
-            criteria: own,
+            criteria,
             incomplete: self.incomplete,
             ..Figures::default()
         }

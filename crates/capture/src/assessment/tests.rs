@@ -34,29 +34,34 @@ fn assessment(extra: &str) -> Capture {
 }
 
 /// Feeds 0.1 s of samples: the truth first and then the commands, or both in time order.
-fn fed(extra: &str, interleaved: bool, truth: impl Fn(f64) -> Truth, command: impl Fn(f64) -> Command) -> Capture {
+fn feed_samples(
+    extra: &str,
+    interleaved: bool,
+    truth: impl Fn(f64) -> Truth,
+    command: impl Fn(f64) -> Command,
+) -> Capture {
     let mut assessment = assessment(extra);
     let commands: Vec<f64> = (0..10).map(|k| f64::from(k) * 0.01).collect();
     for k in 0..=100 {
         let t = f64::from(k) * 0.001;
-        assessment.sample(1, t, bytemuck(&truth(t)));
+        assessment.sample(1, t, bytes_of(&truth(t)));
         if interleaved && k % 10 == 0 && k < 100 {
-            assessment.sample(0, t, bytemuck(&command(t)));
+            assessment.sample(0, t, bytes_of(&command(t)));
         }
     }
     if !interleaved {
         commands
             .iter()
-            .for_each(|t| assessment.sample(0, *t, bytemuck(&command(*t))));
+            .for_each(|t| assessment.sample(0, *t, bytes_of(&command(*t))));
     }
     assessment
 }
 
-fn bytemuck<M: Message>(message: &M) -> &[u8] {
+fn bytes_of<M: Message>(message: &M) -> &[u8] {
     lockstep::port::__private::bytemuck::bytes_of(message)
 }
 
-fn approach(t: f64) -> Truth {
+fn approach_truth(t: f64) -> Truth {
     Truth {
         position_error: (0.05 - t).abs() * 0.1 + 0.001,
         attitude_error: 0.2 * DEGREE,
@@ -73,7 +78,7 @@ fn approach(t: f64) -> Truth {
     }
 }
 
-fn wiggle(t: f64) -> Command {
+fn varying_command(t: f64) -> Command {
     let mut command = Command {
         torque_B: [0.1, -0.15, 0.0],
         force_B: [1.0, 0.0, -3.0],
@@ -87,8 +92,8 @@ fn wiggle(t: f64) -> Command {
 }
 
 #[test]
-fn figures_are_those_of_the_definitions() {
-    let summary = fed("", true, approach, wiggle).summary();
+fn figures_match_their_definitions() {
+    let summary = feed_samples("", true, approach_truth, varying_command).summary();
     let near = |value: f64, expected: f64| assert!((value - expected).abs() < 1e-9, "{value} {expected}");
     near(summary.peak_base_torque_n_m, 0.25);
     near(summary.peak_base_force_n, 3.0);
@@ -107,8 +112,9 @@ fn figures_are_those_of_the_definitions() {
 }
 
 #[test]
-fn the_order_of_the_streams_does_not_matter() {
-    let [one, other] = [true, false].map(|interleaved| fed("", interleaved, approach, wiggle).summary());
+fn figures_do_not_depend_on_stream_order() {
+    let [one, other] =
+        [true, false].map(|interleaved| feed_samples("", interleaved, approach_truth, varying_command).summary());
     assert_eq!(one, other);
 }
 
@@ -133,9 +139,11 @@ fn measured(value: f64) -> Measured {
 }
 
 #[test]
-fn captured_is_what_meets_the_measures_and_the_criteria() {
+fn captured_requires_all_measures_and_criteria() {
     let criteria = "[criteria]\nsaturated_fraction = 0.25\njoint_ranges = '1 deg'";
-    let figures = |extra: &str, measures: Vec<Measured>| fed(extra, true, approach, wiggle).finish(measures);
+    let figures = |extra: &str, measures: Vec<Measured>| {
+        feed_samples(extra, true, approach_truth, varying_command).finish(measures)
+    };
     let good = figures(criteria, vec![measured(1.0)]);
     assert!(good.met() && good.values["captured"] == true, "{good:?}");
     let text = good.text();
@@ -170,14 +178,14 @@ fn captured_is_what_meets_the_measures_and_the_criteria() {
 }
 
 #[test]
-fn joints_are_held_to_their_ranges() {
+fn joint_ranges_criterion_limits_the_joint_angles() {
     let bent = |t| Truth {
         q: [0.0, 0.0, -2.0 * t, 0.0, 0.0, 0.0, 0.0],
-        ..approach(t)
+        ..approach_truth(t)
     };
     let figures = |range: &str| {
         let extra = format!("[criteria]\njoint_ranges = '{range}'");
-        fed(&extra, true, bent, wiggle).finish(Vec::new())
+        feed_samples(&extra, true, bent, varying_command).finish(Vec::new())
     };
     let at_most = 0.2 / DEGREE;
     assert!(figures(&format!("{} deg", at_most + 0.01)).met());
@@ -185,10 +193,10 @@ fn joints_are_held_to_their_ranges() {
 }
 
 #[test]
-fn a_run_that_ended_early_is_no_capture_and_says_why() {
+fn early_end_is_no_capture_and_gives_the_reason() {
     let mut assessment = assessment("");
-    assessment.sample(1, 0.0, bytemuck(&approach(0.0)));
-    assessment.sample(0, 0.0, bytemuck(&wiggle(0.0)));
+    assessment.sample(1, 0.0, bytes_of(&approach_truth(0.0)));
+    assessment.sample(0, 0.0, bytes_of(&varying_command(0.0)));
     let figures = assessment.finish(vec![measured(1.0)]);
     assert!(!figures.met() && figures.values["captured"] == false);
     assert!(
@@ -199,7 +207,7 @@ fn a_run_that_ended_early_is_no_capture_and_says_why() {
 }
 
 #[test]
-fn mistakes_in_the_table_are_refused_with_their_key() {
+fn invalid_table_is_rejected_with_its_key() {
     let refuse = |text: &str, streams: &[StreamSpec]| {
         let error = read(&toml::from_str(text).unwrap(), streams).err().unwrap();
         (error.key, error.reason)

@@ -40,12 +40,12 @@ pub struct VelocityLoop {
     /// Delay until its command takes effect, s.
     pub command_delay_s: f64,
     /// The results of the analysis, along the path; none if the delay is too long for it.
-    pub configurations: Vec<Assessed>,
+    pub configurations: Vec<ConfigurationStability>,
 }
 
 /// One configuration.
 #[derive(Debug, Clone, Serialize)]
-pub struct Assessed {
+pub struct ConfigurationStability {
     /// Its name on the path.
     pub name: &'static str,
     /// Joint angles, deg.
@@ -58,7 +58,7 @@ pub struct Assessed {
     pub with_more_delay: f64,
 }
 
-impl Assessed {
+impl ConfigurationStability {
     /// Whether the loop is stable.
     pub fn stable(&self) -> bool {
         SampledLoop::is_stable(self.spectral_radius)
@@ -74,8 +74,11 @@ impl Assessed {
 /// The loops of a scenario's stock controllers. A loop whose parameters are rejected is left out: the run reports the
 /// error.
 pub fn loops(scenario: &Scenario) -> Vec<VelocityLoop> {
-    let controllers = scenario.participants.iter().filter(|entry| is(entry, "controller"));
-    controllers.filter_map(|entry| assess(scenario, entry)).collect()
+    let controllers = scenario
+        .participants
+        .iter()
+        .filter(|entry| is_builtin(entry, "controller"));
+    controllers.filter_map(|entry| analyse_loop(scenario, entry)).collect()
 }
 
 /// The loops as findings of `check`: the spectral radii, and whether the margin is met. There is one warning for each loop
@@ -97,7 +100,7 @@ pub fn findings(scenario: &Scenario) -> Vec<Finding> {
 impl VelocityLoop {
     fn describe(&self) -> String {
         if self.configurations.is_empty() {
-            return self.unknown();
+            return self.not_analysed_text();
         }
         let mut text = format!(
             "velocity loop of {}, {:.1} ms of delay before it and {:.1} ms behind it: spectral radius",
@@ -118,7 +121,7 @@ impl VelocityLoop {
         text
     }
 
-    fn unknown(&self) -> String {
+    fn not_analysed_text(&self) -> String {
         format!(
             "the stability of the velocity loop is not analysed: {:.1} s of delay around it are more than {DELAY_MAX_PERIODS} periods of the \
              controller",
@@ -131,15 +134,15 @@ impl VelocityLoop {
             return Some(format!(
                 "participants.{}.parameters.gains: {}",
                 self.controller,
-                self.unknown()
+                self.not_analysed_text()
             ));
         }
-        let worst = |largest: fn(&Assessed) -> f64| {
+        let worst = |largest: fn(&ConfigurationStability) -> f64| {
             let all = self.configurations.iter();
             all.max_by(|a, b| largest(a).total_cmp(&largest(b)))
         };
-        type Radius = fn(&Assessed) -> f64;
-        let asked: [(Radius, &str, String); 3] = [
+        type Radius = fn(&ConfigurationStability) -> f64;
+        let checks: [(Radius, &str, String); 3] = [
             (|one| one.spectral_radius, "unstable", String::new()),
             (
                 |one| one.with_larger_gains,
@@ -152,7 +155,7 @@ impl VelocityLoop {
                 format!("with commands {DELAY_MARGIN_PERIODS} of a period later: "),
             ),
         ];
-        let (one, what, with) = asked.into_iter().find_map(|(radius, what, with)| {
+        let (one, what, with) = checks.into_iter().find_map(|(radius, what, with)| {
             let one = worst(radius).filter(|one| !SampledLoop::is_stable(radius(one)))?;
             Some((one, what, format!("{with}spectral radius {:.5}", radius(one))))
         })?;
@@ -169,46 +172,46 @@ impl VelocityLoop {
     }
 }
 
-fn assess(scenario: &Scenario, controller: &Entry) -> Option<VelocityLoop> {
+fn analyse_loop(scenario: &Scenario, controller: &Entry) -> Option<VelocityLoop> {
     let name = &controller.setup.name;
-    let (plant, measured) = giver(scenario, &format!("{name}.measured"), "plant", "measured")?;
-    let (commanded_by, command) = giver(
+    let (plant, measured) = source_of_input(scenario, &format!("{name}.measured"), "plant", "measured")?;
+    let (commanding, command) = source_of_input(
         scenario,
         &format!("{}.command", plant.setup.name),
         "controller",
         "command",
     )?;
-    if commanded_by.setup.name != *name {
+    if commanding.setup.name != *name {
         return None;
     }
-    let guidance = giver(scenario, &format!("{name}.setpoint"), "guidance", "setpoint");
+    let guidance = source_of_input(scenario, &format!("{name}.setpoint"), "guidance", "setpoint");
     let configurations = match guidance {
         Some((guidance, _)) => path::path(&plant.setup, &controller.setup, &guidance.setup)?,
         None => vec![path::start(&plant.setup)?],
     };
-    let lost = |timing: &Timing| {
+    let drop_delay_s = |timing: &Timing| {
         if timing.drop > 0.0 {
             controller.setup.period
         } else {
             0.0
         }
     };
-    let late = |timing: &Timing| timing.delay.seconds() + timing.jitter.seconds() + lost(timing);
+    let largest_delay_s = |timing: &Timing| timing.delay.seconds() + timing.jitter.seconds() + drop_delay_s(timing);
     let timing = LoopTiming {
         controller_period_s: controller.setup.period,
         tick_s: controller.setup.period / (controller.setup.period / plant.setup.period - 1e-9).ceil().max(1.0),
-        sensor_delay_s: late(&measured) + sampling_delay(plant, &measured, controller.setup.period),
-        command_delay_s: late(&command),
-        lag_s: lags(plant),
+        sensor_delay_s: largest_delay_s(&measured) + sampling_delay(plant, &measured, controller.setup.period),
+        command_delay_s: largest_delay_s(&command),
+        lag_s: actuator_lags(plant),
     };
     let gains = controller_proc::VelocityLoop::new(&controller.setup).ok()?;
     let robot = robot(&plant.setup)?;
-    let around = timing.sensor_delay_s + timing.command_delay_s;
-    let analysed = around <= DELAY_MAX_PERIODS * timing.controller_period_s;
+    let loop_delay_s = timing.sensor_delay_s + timing.command_delay_s;
+    let analysed = loop_delay_s <= DELAY_MAX_PERIODS * timing.controller_period_s;
     let assessed = configurations
         .into_iter()
         .filter(|_| analysed)
-        .map(|configuration| assess_at(&timing, &robot, &gains, configuration));
+        .map(|configuration| analyse_configuration(&timing, &robot, &gains, configuration));
     Some(VelocityLoop {
         controller: name.clone(),
         measured_delay_s: timing.sensor_delay_s,
@@ -217,15 +220,15 @@ fn assess(scenario: &Scenario, controller: &Entry) -> Option<VelocityLoop> {
     })
 }
 
-fn assess_at(
+fn analyse_configuration(
     timing: &LoopTiming,
     robot: &Robot,
     gains: &controller_proc::VelocityLoop,
     configuration: Configuration,
-) -> Result<Assessed, RobotError> {
+) -> Result<ConfigurationStability, RobotError> {
     let mut model = ModelSpec::nominal(configuration.joints_deg.clone());
     model.slosh = true;
-    let body = robot.body(&model)?;
+    let body = robot.linearise(&model)?;
     let matrix = |rows: &[[f64; 13]; 13]| Matrix::from_fn(13, 13, |i, j| rows[i][j]);
     let mut kp = matrix(&gains.kp);
     if gains.scheduled {
@@ -234,7 +237,7 @@ fn assess_at(
     }
     let ki = gains.ki.as_ref().map_or(Matrix::zeros(13, 0), matrix);
     let sampled = SampledLoop::new(timing, &body, &kp, &ki)?;
-    Ok(Assessed {
+    Ok(ConfigurationStability {
         name: configuration.name,
         joints_deg: configuration.joints_deg,
         spectral_radius: sampled.radius(1.0, 0.0)?,
@@ -244,18 +247,18 @@ fn assess_at(
 }
 
 /// Whether `entry` is this stock participant.
-fn is(entry: &Entry, name: &str) -> bool {
+fn is_builtin(entry: &Entry, name: &str) -> bool {
     matches!(&entry.program, Program::Builtin(builtin) if builtin == name)
 }
 
 /// The stock participant that feeds `input` from its `port`, and the link between them.
-fn giver<'a>(scenario: &'a Scenario, input: &str, builtin: &str, port: &str) -> Option<(&'a Entry, Timing)> {
+fn source_of_input<'a>(scenario: &'a Scenario, input: &str, builtin: &str, port: &str) -> Option<(&'a Entry, Timing)> {
     let (from, timing) = scenario
         .links()
         .find_map(|(from, to, timing)| (to == input).then_some((from, timing)))?;
     let (name, output) = from.split_once('.')?;
     let entry = scenario.participants.iter().find(|entry| entry.setup.name == name)?;
-    (is(entry, builtin) && output == port).then_some((entry, timing))
+    (is_builtin(entry, builtin) && output == port).then_some((entry, timing))
 }
 
 /// The robot that the plant moves.
@@ -270,8 +273,8 @@ fn robot(plant: &Setup) -> Option<Robot> {
         description.add_motor_inertia(joint, inertia).ok()?;
     }
     let slosh: Vec<&String> = {
-        let known = |joint: &&String| description.moving_joints().any(|one| one.name == **joint);
-        servicer.slosh.joints.iter().filter(known).collect()
+        let exists = |joint: &&String| description.moving_joints().any(|one| one.name == **joint);
+        servicer.slosh.joints.iter().filter(exists).collect()
     };
     let is_child = |link: usize| description.joints.iter().any(|joint| joint.child == link);
     let root = (0..description.links.len()).find(|link| !is_child(*link))?;
@@ -293,7 +296,7 @@ fn robot(plant: &Setup) -> Option<Robot> {
 }
 
 /// The lags of wheels, thrusters and joint motors, channel by channel, s.
-fn lags(plant: &Entry) -> Vec<f64> {
+fn actuator_lags(plant: &Entry) -> Vec<f64> {
     let actuators = table(&plant.setup.parameters, "actuators");
     let lag = |group: &str| {
         actuators
@@ -317,8 +320,8 @@ fn sampling_delay(plant: &Entry, link: &Timing, period: f64) -> f64 {
     };
     let fits = |time: f64, every: f64| (time / every - (time / every).round()).abs() < 1e-9;
     let periods = ["rate", "velocity", "joint_rate"].into_iter().filter_map(every);
-    let odd = periods.filter(|every| !(fits(period, *every) && fits(link.delay.seconds(), *every)));
-    odd.fold(0.0, f64::max)
+    let unaligned = periods.filter(|every| !(fits(period, *every) && fits(link.delay.seconds(), *every)));
+    unaligned.fold(0.0, f64::max)
 }
 
 fn table<'a>(table: &'a Table, key: &str) -> Option<&'a Table> {

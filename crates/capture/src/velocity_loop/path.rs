@@ -25,19 +25,19 @@ pub struct Configuration {
 }
 
 /// Creates a stock participant.
-type Make = fn(&Setup) -> Result<Box<dyn Participant>, ParameterError>;
+type Factory = fn(&Setup) -> Result<Box<dyn Participant>, ParameterError>;
 
 /// A stock participant with its buffers.
-struct Stepped {
+struct BufferedParticipant {
     participant: Box<dyn Participant>,
     inputs: Inputs,
     outputs: Outputs,
     ports: [Vec<String>; 2],
 }
 
-impl Stepped {
-    fn new(make: Make, setup: &Setup) -> Option<Self> {
-        let participant = make(setup).ok()?;
+impl BufferedParticipant {
+    fn new(factory: Factory, setup: &Setup) -> Option<Self> {
+        let participant = factory(setup).ok()?;
         let interface = participant.interface();
         Some(Self {
             inputs: Inputs::zeroed(&interface),
@@ -72,7 +72,7 @@ impl Stepped {
 
 /// The initial configuration of the plant.
 pub(super) fn start(plant: &Setup) -> Option<Configuration> {
-    let (truth, _) = at_start(plant)?;
+    let (truth, _) = start_state(plant)?;
     Some(configuration("start", &truth.q))
 }
 
@@ -80,12 +80,12 @@ pub(super) fn start(plant: &Setup) -> Option<Configuration> {
 /// parameters, which the run itself reports.
 pub(super) fn path(plant: &Setup, controller: &Setup, guidance: &Setup) -> Option<Vec<Configuration>> {
     let instants = [("pointing", "point"), ("grasp", "grasp")];
-    let instants = instants.map(|(name, key)| Some((name, instant(guidance, key)?)));
-    let (truth, mut target) = at_start(plant)?;
+    let instants = instants.map(|(name, key)| Some((name, schedule_instant(guidance, key)?)));
+    let (truth, mut target) = start_state(plant)?;
     let model = target_model(plant)?;
     let mut found = vec![configuration("start", &truth.q)];
-    let mut controller = Stepped::new(controller_proc::factory, &looking(controller))?;
-    let mut guidance = Stepped::new(guidance_proc::factory, &looking(guidance))?;
+    let mut controller = BufferedParticipant::new(controller_proc::factory, &with_exact_target(controller))?;
+    let mut guidance = BufferedParticipant::new(guidance_proc::factory, &with_exact_target(guidance))?;
     let mut servicer = Measured {
         p_NB_N: truth.p_NB_N,
         quat_NB: truth.quat_NB,
@@ -95,7 +95,7 @@ pub(super) fn path(plant: &Setup, controller: &Setup, guidance: &Setup) -> Optio
     let mut index = 0;
     for (name, at) in instants.into_iter().flatten() {
         while (index as f64) * STEP_S < at - 0.5 * STEP_S {
-            follow(&mut servicer, &target, &mut guidance, &mut controller, index)?;
+            advance(&mut servicer, &target, &mut guidance, &mut controller, index)?;
             target = model.predicted(&target, STEP_S);
             index += 1;
         }
@@ -105,15 +105,15 @@ pub(super) fn path(plant: &Setup, controller: &Setup, guidance: &Setup) -> Optio
 }
 
 /// Evaluates both laws, and moves the servicer accordingly.
-fn follow(
+fn advance(
     servicer: &mut Measured,
     target: &TargetMotion,
-    guidance: &mut Stepped,
-    controller: &mut Stepped,
+    guidance: &mut BufferedParticipant,
+    controller: &mut BufferedParticipant,
     index: u64,
 ) -> Option<()> {
     let quaternion = target.pose.attitude.quaternion();
-    let seen = TargetState {
+    let received = TargetState {
         stamp: index as f64 * STEP_S,
         p_NT_N: target.pose.position.into(),
         quat_NT: [quaternion.w, quaternion.i, quaternion.j, quaternion.k],
@@ -121,25 +121,25 @@ fn follow(
         omega_NT_T: target.rate.into(),
     };
     *guidance.inputs.get_mut::<Measured>(guidance.input("measured")?) = *servicer;
-    *guidance.inputs.get_mut::<TargetState>(guidance.input("target")?) = seen;
+    *guidance.inputs.get_mut::<TargetState>(guidance.input("target")?) = received;
     guidance.step(index)?;
     for port in ["setpoint", "base_setpoint"] {
-        let asked = *guidance.outputs.get::<SetPoint>(guidance.output(port)?);
-        *controller.inputs.get_mut::<SetPoint>(controller.input(port)?) = asked;
+        let set_point = *guidance.outputs.get::<SetPoint>(guidance.output(port)?);
+        *controller.inputs.get_mut::<SetPoint>(controller.input(port)?) = set_point;
     }
     *controller.inputs.get_mut::<Measured>(controller.input("measured")?) = *servicer;
     controller.step(index)?;
-    let wanted = controller
+    let commanded = controller
         .outputs
         .get::<ControlTelemetry>(controller.output("telemetry")?);
     let attitude = unit(servicer.quat_NB);
-    let moved = attitude * UnitQuaternion::from_scaled_axis(Vector3::from(wanted.omega_v_B) * STEP_S);
-    let position = Vector3::from(servicer.p_NB_N) + attitude * Vector3::from(wanted.v_v_B) * STEP_S;
+    let turned = attitude * UnitQuaternion::from_scaled_axis(Vector3::from(commanded.omega_v_B) * STEP_S);
+    let position = Vector3::from(servicer.p_NB_N) + attitude * Vector3::from(commanded.v_v_B) * STEP_S;
     servicer.p_NB_N = position.into();
-    servicer.quat_NB = [moved.w, moved.i, moved.j, moved.k];
-    servicer.omega_NB_B = wanted.omega_v_B;
-    servicer.v_NB_B = wanted.v_v_B;
-    for (joint, rate) in wanted.qdot_v.iter().enumerate() {
+    servicer.quat_NB = [turned.w, turned.i, turned.j, turned.k];
+    servicer.omega_NB_B = commanded.omega_v_B;
+    servicer.v_NB_B = commanded.v_v_B;
+    for (joint, rate) in commanded.qdot_v.iter().enumerate() {
         servicer.q[joint] += rate * STEP_S;
         servicer.qdot[joint] = *rate;
     }
@@ -147,17 +147,17 @@ fn follow(
 }
 
 /// The same law, evaluated with an exact target every [`STEP_S`].
-fn looking(setup: &Setup) -> Setup {
-    let mut looking = setup.clone();
-    looking.period = STEP_S;
+fn with_exact_target(setup: &Setup) -> Setup {
+    let mut adapted = setup.clone();
+    adapted.period = STEP_S;
     // A filter upstream of the guidance changes the time at which the target is known, not its motion.
-    looking.parameters.remove("navigation");
-    looking.parameters.remove("predict_target");
-    looking
+    adapted.parameters.remove("navigation");
+    adapted.parameters.remove("predict_target");
+    adapted
 }
 
-fn at_start(plant: &Setup) -> Option<(Truth, TargetMotion)> {
-    let mut plant = Stepped::new(plant_proc::factory, plant)?;
+fn start_state(plant: &Setup) -> Option<(Truth, TargetMotion)> {
+    let mut plant = BufferedParticipant::new(plant_proc::factory, plant)?;
     plant.participant.initialise(0.0, &mut plant.outputs).ok()?;
     let truth = *plant.outputs.get::<Truth>(plant.output("truth")?);
     let target = TargetMotion::from_raw(truth.p_NT_N, truth.quat_NT, truth.v_NT_N, truth.omega_NT_T)?;
@@ -170,7 +170,7 @@ fn target_model(plant: &Setup) -> Option<TargetModel> {
     TargetModel::new(Matrix3::from_diagonal(&Vector3::from(target.inertia.si())), STEP_S).ok()
 }
 
-fn instant(guidance: &Setup, key: &str) -> Option<f64> {
+fn schedule_instant(guidance: &Setup, key: &str) -> Option<f64> {
     let schedule = guidance.parameters.get("schedule").and_then(Value::as_table)?;
     time(schedule, key)
 }

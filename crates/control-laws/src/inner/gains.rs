@@ -8,12 +8,12 @@ use nalgebra::SymmetricEigen;
 pub struct Gains {
     kp: Matrix13,
     ki: Matrix13,
-    form: Form,
+    form: GainForm,
 }
 
 /// Kind of the matrices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Form {
+enum GainForm {
     /// Both constant and diagonal.
     Diagonal,
     /// Constant.
@@ -31,7 +31,7 @@ impl Gains {
         Self {
             kp: Matrix13::from_diagonal(kp),
             ki: Matrix13::from_diagonal(ki),
-            form: Form::Diagonal,
+            form: GainForm::Diagonal,
         }
     }
 
@@ -42,7 +42,7 @@ impl Gains {
         Self {
             kp: x,
             ki: Matrix13::from_diagonal(ki),
-            form: Form::Scheduled,
+            form: GainForm::Scheduled,
         }
     }
 
@@ -52,9 +52,9 @@ impl Gains {
             kp,
             ki,
             form: if is_diagonal(&kp) && is_diagonal(&ki) {
-                Form::Diagonal
+                GainForm::Diagonal
             } else {
-                Form::Full
+                GainForm::Full
             },
         }
     }
@@ -71,7 +71,7 @@ impl Gains {
 
     /// Whether the channels are decoupled.
     pub fn is_diagonal(&self) -> bool {
-        self.form == Form::Diagonal
+        self.form == GainForm::Diagonal
     }
 
     /// Whether the channels of the integral part are decoupled.
@@ -81,7 +81,7 @@ impl Gains {
 
     /// Whether `K_P` follows the mass matrix.
     pub fn is_scheduled(&self) -> bool {
-        self.form == Form::Scheduled
+        self.form == GainForm::Scheduled
     }
 
     /// `M^½ X M^½` for scheduled gains; NaN for an invalid mass matrix, which the result then shows.
@@ -97,7 +97,7 @@ impl Gains {
         root * self.kp * root
     }
 
-    pub(super) fn validated(&self) -> Result<(), ParameterError> {
+    pub(super) fn validate(&self) -> Result<(), ParameterError> {
         for (field, matrix) in [("inner.kp", &self.kp), ("inner.ki", &self.ki)] {
             if !matrix.iter().all(|value| value.is_finite()) {
                 let channel = matrix.iter().position(|value| !value.is_finite()).unwrap_or(0) % 13;

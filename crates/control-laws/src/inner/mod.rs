@@ -78,7 +78,7 @@ impl InnerLoop {
     /// leave the implicit step in saturation without a solution or with several.
     pub fn new(gains: Gains, law: &FeedbackLaw, period_s: f64) -> Result<Self, ParameterError> {
         ParameterError::positive("period_s", period_s)?;
-        gains.validated()?;
+        gains.validate()?;
         let implicit = ImplicitStep::new(gains.kp(), gains.ki(), period_s).map_err(|singular| {
             let (field, matrix) = match singular {
                 Singular::Kp => ("inner.kp", gains.kp()),
@@ -165,11 +165,11 @@ impl InnerLoop {
         match self.discretisation {
             Discretisation::Euler => self.euler(&proportional, &bound),
             Discretisation::Exact => {
-                let wanted = self.gains.ki() * candidate + proportional;
-                if !exceeds(&wanted, &bound).contains(&true) {
+                let unbounded_force = self.gains.ki() * candidate + proportional;
+                if !exceeds(&unbounded_force, &bound).contains(&true) {
                     // below saturation Eq 7 is Eq 6
                     self.sigma = candidate;
-                    return Feedback::unbounded(wanted);
+                    return Feedback::unbounded(unbounded_force);
                 }
                 let solution = if self.gains.is_diagonal() {
                     self.implicit.diagonal(&self.sigma, error, &proportional, &bound)
@@ -182,15 +182,15 @@ impl InnerLoop {
                     return Feedback::not_a_number();
                 }
                 self.sigma = solution.sigma;
-                Feedback::bounded(&solution.wanted, &bound)
+                Feedback::bounded(&solution.unbounded_force, &bound)
             }
         }
     }
 
     fn euler(&mut self, proportional: &Dof, bound: &Dof) -> Feedback {
         // H⁻¹(G σ + y) = F⁻¹(K_I σ + K_P y)
-        let wanted = self.gains.ki() * self.sigma + proportional;
-        let feedback = Feedback::bounded(&wanted, bound);
+        let unbounded_force = self.gains.ki() * self.sigma + proportional;
+        let feedback = Feedback::bounded(&unbounded_force, bound);
         // σ̇ = −G σ + H sat₁(·), with G = K_P⁻¹ K_I and H sat₁ = K_P⁻¹ u_CI
         let Some(implicit) = self.implicit() else {
             return Feedback::not_a_number();
@@ -217,15 +217,15 @@ impl Feedback {
         }
     }
 
-    fn bounded(wanted: &Dof, bound: &Dof) -> Self {
+    fn bounded(unbounded_force: &Dof, bound: &Dof) -> Self {
         Self {
-            force: wanted.zip_map(bound, |value, bound| value.clamp(-bound, bound)),
-            saturated: exceeds(wanted, bound),
+            force: unbounded_force.zip_map(bound, |value, bound| value.clamp(-bound, bound)),
+            saturated: exceeds(unbounded_force, bound),
             converged: true,
         }
     }
 }
 
-fn exceeds(wanted: &Dof, bound: &Dof) -> [bool; 13] {
-    std::array::from_fn(|channel| wanted[channel].abs() > bound[channel])
+fn exceeds(unbounded_force: &Dof, bound: &Dof) -> [bool; 13] {
+    std::array::from_fn(|channel| unbounded_force[channel].abs() > bound[channel])
 }

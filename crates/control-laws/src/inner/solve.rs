@@ -24,7 +24,7 @@ pub(super) struct Solution {
     /// The integral at the end of the period.
     pub(super) sigma: Dof,
     /// `K_I σ⁺ + K_P y`, before the bound.
-    pub(super) wanted: Dof,
+    pub(super) unbounded_force: Dof,
     /// Whether the solution converged to rounding accuracy.
     pub(super) converged: bool,
 }
@@ -46,16 +46,16 @@ pub(super) struct ImplicitStep {
     period_s: f64,
     kp_inverse: Matrix13,
     /// `(I + T G)⁻¹`.
-    carry: Matrix13,
+    state_factor: Matrix13,
     /// `(I + T G)⁻¹ T K_P⁻¹`.
-    drive: Matrix13,
+    input_factor: Matrix13,
 }
 
 impl ImplicitStep {
     /// Builds the step for regular gains; returns the singular matrix otherwise.
     pub(super) fn new(kp: &Matrix13, ki: &Matrix13, period_s: f64) -> Result<Self, Singular> {
         let kp_inverse = kp.try_inverse().ok_or(Singular::Kp)?;
-        let carry = (Matrix13::identity() + kp_inverse * ki * period_s)
+        let state_factor = (Matrix13::identity() + kp_inverse * ki * period_s)
             .try_inverse()
             .ok_or(Singular::Ki)?;
         Ok(Self {
@@ -63,8 +63,8 @@ impl ImplicitStep {
             ki: *ki,
             period_s,
             kp_inverse,
-            carry,
-            drive: carry * kp_inverse * period_s,
+            state_factor,
+            input_factor: state_factor * kp_inverse * period_s,
         })
     }
 
@@ -76,20 +76,20 @@ impl ImplicitStep {
     pub(super) fn diagonal(&self, sigma: &Dof, error: &Dof, proportional: &Dof, bound: &Dof) -> Solution {
         let mut solution = Solution {
             sigma: *sigma,
-            wanted: *proportional,
+            unbounded_force: *proportional,
             converged: true,
         };
         for channel in 0..13 {
             let (kp, ki) = (self.kp[channel], self.ki[(channel, channel)]);
             let candidate = sigma[channel] + self.period_s * error[channel];
-            let wanted = ki * candidate + proportional[channel];
-            solution.sigma[channel] = if wanted.abs() <= bound[channel] {
+            let unbounded_force = ki * candidate + proportional[channel];
+            solution.sigma[channel] = if unbounded_force.abs() <= bound[channel] {
                 candidate
             } else {
-                (sigma[channel] + self.period_s * (bound[channel] / kp).copysign(wanted))
+                (sigma[channel] + self.period_s * (bound[channel] / kp).copysign(unbounded_force))
                     / (1.0 + self.period_s * ki / kp)
             };
-            solution.wanted[channel] = ki * solution.sigma[channel] + proportional[channel];
+            solution.unbounded_force[channel] = ki * solution.sigma[channel] + proportional[channel];
         }
         solution
     }
@@ -111,28 +111,28 @@ impl ImplicitStep {
 
     /// Full gains: fixed-point iteration and, where that does not converge, pivoting.
     pub(super) fn full(&self, sigma: &Dof, error: &Dof, proportional: &Dof, bound: &Dof) -> Solution {
-        let carried = self.carry * sigma;
+        let carried = self.state_factor * sigma;
         let mut next = *sigma;
         for _ in 0..ROUNDS_MAX {
-            let wanted = self.ki * next + proportional;
-            let force = wanted.zip_map(bound, |value, bound| value.clamp(-bound, bound));
-            let candidate = carried + self.drive * force;
+            let unbounded_force = self.ki * next + proportional;
+            let force = unbounded_force.zip_map(bound, |value, bound| value.clamp(-bound, bound));
+            let candidate = carried + self.input_factor * force;
             let settled = (candidate - next).amax() <= 4.0 * f64::EPSILON * candidate.amax();
             next = candidate;
             if settled {
                 return Solution {
                     sigma: next,
-                    wanted: self.ki * next + proportional,
+                    unbounded_force: self.ki * next + proportional,
                     converged: true,
                 };
             }
         }
         let unbounded = self.ki * (sigma + error * self.period_s) + proportional;
         let force = self.pivoted(&unbounded, bound);
-        let next = carried + self.drive * force.unwrap_or(Dof::repeat(f64::NAN));
+        let next = carried + self.input_factor * force.unwrap_or(Dof::repeat(f64::NAN));
         Solution {
             sigma: next,
-            wanted: self.ki * next + proportional,
+            unbounded_force: self.ki * next + proportional,
             converged: force.is_some(),
         }
     }
@@ -146,7 +146,7 @@ impl ImplicitStep {
     /// carries no error from earlier pieces.
     fn pivoted(&self, unbounded: &Dof, bound: &Dof) -> Option<Dof> {
         let coupling = self.coupling();
-        let margin = Dof::from_fn(|channel, _| (unbounded[channel].abs() + bound[channel]) * spread(channel));
+        let margin = Dof::from_fn(|channel, _| (unbounded[channel].abs() + bound[channel]) * distinct_factor(channel));
         let mut side = [0.0_f64; DOF];
         for _ in 0..PIECES_MAX {
             let within = |channel: usize| side[channel] != 0.0;
@@ -156,22 +156,22 @@ impl ImplicitStep {
             let only = |value: Dof| Dof::from_fn(|channel, _| if within(channel) { value[channel] } else { 0.0 });
             let at = only(piece.solve(&only(unbounded - signs.component_mul(bound)))?);
             let along = only(piece.solve(&-signs.component_mul(&margin))?);
-            let (pull, pull_along) = (coupling * at, coupling * along);
+            let (coupled, coupled_along) = (coupling * at, coupling * along);
             let sum = coupling.abs() * at.abs();
             let mut next: Option<(f64, usize, f64)> = None;
             for (channel, &towards) in side.iter().enumerate() {
                 let slack = 1e-13 * (unbounded[channel].abs() + bound[channel] + sum[channel]);
                 // distance of the channel from the end of the piece, at λ = 0 and per λ, and its side beyond that end
-                let ends = if within(channel) {
+                let segment_ends = if within(channel) {
                     [(at[channel] * towards, along[channel] * towards, 0.0); 2]
                 } else {
-                    let wanted = unbounded[channel] - pull[channel];
+                    let unbounded_force = unbounded[channel] - coupled[channel];
                     [1.0, -1.0].map(|to| {
-                        let gap = bound[channel] - to * wanted;
-                        (gap, margin[channel] + to * pull_along[channel], to)
+                        let gap = bound[channel] - to * unbounded_force;
+                        (gap, margin[channel] + to * coupled_along[channel], to)
                     })
                 };
-                for (gap, slope, to) in ends {
+                for (gap, slope, to) in segment_ends {
                     let reached = -gap / slope;
                     if gap < -slack && next.is_none_or(|(best, ..)| reached > best) {
                         next = Some((reached, channel, to));
@@ -182,7 +182,7 @@ impl ImplicitStep {
                 Some((_, channel, to)) => side[channel] = to,
                 None => {
                     let force = signs.component_mul(bound);
-                    let free = unbounded - pull;
+                    let free = unbounded - coupled;
                     let force = Dof::from_fn(|channel, _| if within(channel) { force[channel] } else { free[channel] });
                     return force.iter().all(|value| value.is_finite()).then_some(force);
                 }
@@ -205,6 +205,6 @@ fn saturated_rows(coupling: &Matrix13, within: impl Fn(usize) -> bool) -> Matrix
 }
 
 /// A value between 1 and 2, different for every channel: multiples of the golden ratio modulo 1.
-fn spread(channel: usize) -> f64 {
+fn distinct_factor(channel: usize) -> f64 {
     1.0 + (channel as f64 * 0.618_033_988_749_894_9).fract()
 }

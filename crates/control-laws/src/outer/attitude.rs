@@ -28,7 +28,7 @@ impl Default for AttitudeLaw {
 }
 
 impl AttitudeLaw {
-    pub(crate) fn validated(&self) -> Result<(), ParameterError> {
+    pub(crate) fn validate(&self) -> Result<(), ParameterError> {
         match *self {
             Self::Hybrid { hysteresis } if !(hysteresis > 0.0 && hysteresis < 1.0) => Err(ParameterError::new(
                 "outer.attitude.hysteresis",
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sign_jumps_once_beyond_240_degrees_and_not_back_before_another_240() {
+    fn sign_jumps_at_240_degrees_with_hysteresis() {
         let mut state = AttitudeState::START;
         let mut jumps = Vec::new();
         let mut sweep = |from: i32, to: i32| {
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_at_half_a_turn_does_not_make_the_sign_chatter() {
+    fn sign_does_not_chatter_under_noise_at_half_a_turn() {
         let mut state = AttitudeState::START;
         let mut jumps = 0;
         for tick in 0..10_000 {
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hybrid_law_does_not_unwind_and_the_plain_one_does() {
+    fn hybrid_law_does_not_unwind_but_quaternion_law_does() {
         let far = about_z(300.0);
         // the error grew to 300 degrees along the current direction
         let grown = AttitudeState {
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn the_matrix_law_is_trapped_at_half_a_turn_and_the_hybrid_one_is_not() {
+    fn matrix_law_is_trapped_at_half_a_turn_but_hybrid_is_not() {
         let half = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(0.0, 0.0, 1.0, 0.0));
         let (_, left) = closed_loop(&AttitudeLaw::RotationMatrix, AttitudeState::START, half);
         assert!(left > PI - 1e-6, "{left}");
@@ -250,9 +250,9 @@ mod tests {
     }
 
     #[test]
-    fn a_hysteresis_that_cannot_work_is_refused() {
+    fn hysteresis_out_of_range_is_rejected() {
         for hysteresis in [0.0, 1.0, -0.5, f64::NAN] {
-            let error = AttitudeLaw::Hybrid { hysteresis }.validated().unwrap_err();
+            let error = AttitudeLaw::Hybrid { hysteresis }.validate().unwrap_err();
             assert_eq!(error.field, "outer.attitude.hysteresis");
         }
     }

@@ -89,8 +89,8 @@ impl OuterLoop {
         for gain in parameters.position_gain.iter() {
             ParameterError::positive("outer.position_gain", *gain)?;
         }
-        parameters.attitude.validated()?;
-        parameters.weights.validated()?;
+        parameters.attitude.validate()?;
+        parameters.weights.validate()?;
         Ok(Self {
             parameters,
             attitude: AttitudeState::START,

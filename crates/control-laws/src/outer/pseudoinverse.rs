@@ -95,13 +95,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_is_a_right_inverse(J in jacobian(), weight in weight()) {
+        fn pseudoinverse_is_a_right_inverse(J in jacobian(), weight in weight()) {
             let inverse = WeightedPseudoinverse::new(&J, &weight);
             prop_assert!((J * inverse.matrix() - Matrix6::identity()).abs().max() < 1e-10);
         }
 
         #[test]
-        fn no_other_velocity_with_that_twist_costs_less(J in jacobian(), weight in weight(), other in dof()) {
+        fn pseudoinverse_gives_the_least_weighted_velocity(J in jacobian(), weight in weight(), other in dof()) {
             let inverse = WeightedPseudoinverse::new(&J, &weight);
             let other = other.zip_map(&weight, |value, weight| if weight > 0.0 { value } else { 0.0 });
             let best = inverse.apply(&(J * other));

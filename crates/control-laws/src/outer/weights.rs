@@ -70,7 +70,7 @@ pub struct Weight {
 }
 
 impl Weights {
-    pub(super) fn validated(&self) -> Result<(), ParameterError> {
+    pub(super) fn validate(&self) -> Result<(), ParameterError> {
         // a base weight above zero keeps J W Jᵀ regular in every arm configuration
         ParameterError::positive("outer.weights.base_rotation", self.base_rotation)?;
         ParameterError::positive("outer.weights.base_translation", self.base_translation)?;
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn weights_out_of_range_are_refused_with_the_field() {
-        let field = |weights: Weights| weights.validated().unwrap_err().field;
+        let field = |weights: Weights| weights.validate().unwrap_err().field;
         let base_rotation = 0.0;
         assert_eq!(
             field(Weights {

@@ -3,18 +3,18 @@
 use super::{KI, KP, LIMITS, NOMINAL, Plant, description, grasp};
 use control_laws::filter::FilterParameters;
 use control_laws::inner::{Bound, Discretisation, FeedbackLaw, Gains};
-use control_laws::tracker::{Followed, TrackerParameters};
-use control_laws::{ControlModel, Dof, HierarchicalLaw, ModelOptions, ReferenceLaw, hierarchical, reference};
+use control_laws::tracker::{TrackedVelocity, TrackerParameters};
+use control_laws::{ComparisonLaw, ControlModel, Dof, HierarchicalLaw, ModelOptions, comparison, hierarchical};
 use guidance_laws::Pose;
 use guidance_laws::capture::{self, CaptureGuidance, Schedule};
-use guidance_laws::reference::{self as comparison, BasePath, ReferenceGuidance};
+use guidance_laws::comparison::{self as comparison_guidance, BasePath, ComparisonGuidance};
 use nalgebra::{UnitQuaternion, Vector3};
 
 pub(crate) fn tracker(period_s: f64) -> TrackerParameters {
     TrackerParameters {
         period_s,
         filter: FilterParameters::default(),
-        followed: Followed::Raw,
+        followed: TrackedVelocity::Raw,
         gains: Gains::diagonal(&Dof::from(KP), &Dof::from(KI)),
         feedback: FeedbackLaw::ConditionalIntegrator {
             bound: Bound::PerChannel(Dof::from(LIMITS)),
@@ -62,8 +62,8 @@ pub(crate) fn hierarchical_loop(
 }
 
 /// The comparison guidance with its fixed instants and the comparison law.
-pub(crate) fn reference_loop(base_path: BasePath) -> impl FnMut(f64, &Plant) -> reference::Output {
-    let mut guidance = ReferenceGuidance::new(comparison::Parameters {
+pub(crate) fn comparison_loop(base_path: BasePath) -> impl FnMut(f64, &Plant) -> comparison::Output {
+    let mut guidance = ComparisonGuidance::new(comparison_guidance::Parameters {
         schedule: Schedule::CLOSE,
         grasp: grasp(),
         closing_pose: Pose {
@@ -73,16 +73,16 @@ pub(crate) fn reference_loop(base_path: BasePath) -> impl FnMut(f64, &Plant) -> 
         base_path,
     })
     .unwrap();
-    let mut law = ReferenceLaw::new(model(), reference::Parameters::new(tracker(0.01))).unwrap();
+    let mut law = ComparisonLaw::new(model(), comparison::Parameters::new(tracker(0.01))).unwrap();
     move |time_s, plant| {
         let measured = plant.measured();
-        let set_points = guidance.step(&comparison::Input {
+        let set_points = guidance.step(&comparison_guidance::Input {
             time_s,
             base: Some(measured.base),
             end_effector: Some(law.model().end_effector(&measured).pose),
             target: Some(plant.target),
         });
-        law.step(&reference::Input {
+        law.step(&comparison::Input {
             measured: Some(measured),
             end_effector: set_points.end_effector.set_point,
             base: set_points.base,

@@ -132,12 +132,12 @@ impl Plant {
         let h = PLANT_PERIOD_S;
         let start = self.state;
         let k1 = self.rate(&start, &force);
-        let k2 = self.rate(&moved(&start, 0.5 * h, &k1), &force);
-        let k3 = self.rate(&moved(&start, 0.5 * h, &k2), &force);
-        let k4 = self.rate(&moved(&start, h, &k3), &force);
+        let k2 = self.rate(&plus_rate(&start, 0.5 * h, &k1), &force);
+        let k3 = self.rate(&plus_rate(&start, 0.5 * h, &k2), &force);
+        let k4 = self.rate(&plus_rate(&start, h, &k3), &force);
         let mut next = start;
         for (weight, k) in [(1.0, k1), (2.0, k2), (2.0, k3), (1.0, k4)] {
-            next = moved(&next, h * weight / 6.0, &k);
+            next = plus_rate(&next, h * weight / 6.0, &k);
         }
         next.quat_nb = next.quat_nb.normalized();
         self.state = next;
@@ -161,7 +161,7 @@ struct Rate {
     nu: SVector<f64, 15>,
 }
 
-fn moved(state: &State<9, 15>, step_s: f64, rate: &Rate) -> State<9, 15> {
+fn plus_rate(state: &State<9, 15>, step_s: f64, rate: &Rate) -> State<9, 15> {
     State {
         p_nb: state.p_nb + rate.p_nb * step_s,
         quat_nb: state.quat_nb.plus(step_s, rate.quat_nb),

@@ -59,7 +59,7 @@ pub enum Update {
         nis: f64,
     },
     /// It was rejected.
-    Refused {
+    Rejected {
         /// Normalised innovation squared.
         nis: f64,
     },
@@ -75,7 +75,7 @@ pub struct State {
     /// Stamp of the estimate, s.
     pub estimate_s: f64,
     /// Consecutive rejected poses.
-    pub refusals: u32,
+    pub rejections: u32,
     /// Position, m.
     pub position: [f64; 3],
     /// Attitude, scalar first.
@@ -104,7 +104,7 @@ pub struct NavigationFilter {
 struct FilterState {
     newest_s: f64,
     estimate_s: f64,
-    refusals: u32,
+    rejections: u32,
     target: TargetState,
     position_drift: Vector3<f64>,
     attitude_drift: Vector3<f64>,
@@ -153,7 +153,7 @@ impl NavigationFilter {
         let filter = state.started.then(|| FilterState {
             newest_s: state.stamp_s,
             estimate_s: state.estimate_s,
-            refusals: state.refusals,
+            rejections: state.rejections,
             target: TargetState {
                 pose: Pose {
                     position: state.position.into(),
@@ -179,7 +179,7 @@ impl NavigationFilter {
                 started: false,
                 stamp_s: 0.0,
                 estimate_s: 0.0,
-                refusals: 0,
+                rejections: 0,
                 position: [0.0; 3],
                 attitude: [0.0; 4],
                 velocity: [0.0; 3],
@@ -192,7 +192,7 @@ impl NavigationFilter {
                 started: true,
                 stamp_s: filter.newest_s,
                 estimate_s: filter.estimate_s,
-                refusals: filter.refusals,
+                rejections: filter.rejections,
                 position: filter.target.pose.position.into(),
                 attitude: so3::to_wxyz(&filter.target.pose.attitude),
                 velocity: filter.target.velocity.into(),
@@ -208,7 +208,7 @@ impl NavigationFilter {
     pub fn step(&mut self, time_s: f64, camera: Option<&CameraPose>) -> Option<Estimate> {
         let update = match camera {
             None => Update::None,
-            Some(camera) => self.take_in(camera),
+            Some(camera) => self.process_pose(camera),
         };
         let filter = self.filter.as_ref()?;
         let age_s = time_s - filter.estimate_s;
@@ -233,7 +233,7 @@ impl NavigationFilter {
         self.filter.as_ref().map(|filter| &filter.covariance)
     }
 
-    fn take_in(&mut self, camera: &CameraPose) -> Update {
+    fn process_pose(&mut self, camera: &CameraPose) -> Update {
         let parameters = &self.parameters;
         match &mut self.filter {
             None => {
@@ -246,15 +246,15 @@ impl NavigationFilter {
                 filter.predict(parameters, camera.stamp_s);
                 let nis = filter.update(parameters, &camera.pose);
                 if nis <= parameters.gate {
-                    filter.refusals = 0;
+                    filter.rejections = 0;
                     return Update::Accepted { nis };
                 }
-                filter.refusals += 1;
-                if filter.refusals > parameters.refusals_max {
+                filter.rejections += 1;
+                if filter.rejections > parameters.refusals_max {
                     *filter = FilterState::started(parameters, camera);
                     return Update::Started;
                 }
-                Update::Refused { nis }
+                Update::Rejected { nis }
             }
         }
     }
@@ -265,7 +265,7 @@ impl FilterState {
         Self {
             newest_s: camera.stamp_s,
             estimate_s: camera.stamp_s,
-            refusals: 0,
+            rejections: 0,
             target: TargetState {
                 pose: camera.pose,
                 velocity: Vector3::zeros(),
@@ -305,7 +305,7 @@ impl FilterState {
         let cross = self.covariance * h.transpose();
         let innovation = h * cross + noise;
         let Some(factor) = innovation.cholesky() else {
-            return f64::INFINITY; // not a covariance any more: refuse, and after a few refusals start anew
+            return f64::INFINITY; // no longer a covariance: reject the pose; after a few rejections the filter re-initialises
         };
         let nis = residual.dot(&factor.solve(&residual));
         if nis.is_nan() || nis > parameters.gate {

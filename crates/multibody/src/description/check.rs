@@ -17,39 +17,39 @@ impl Description {
     /// Links that are fixed to each other form one body, and only the body has to be physically possible: a placeholder link of a
     /// microgram may have any inertia.
     pub fn validate(&self) -> Result<(), E> {
-        match self.faults().into_iter().next() {
-            Some(fault) => Err(fault),
+        match self.errors().into_iter().next() {
+            Some(error) => Err(error),
             None => Ok(()),
         }
     }
 
-    /// All faults.
-    pub(super) fn faults(&self) -> Vec<E> {
+    /// All errors.
+    pub(super) fn errors(&self) -> Vec<E> {
         if self.links.is_empty() {
             return vec![E::Empty];
         }
-        let mut out = self.faults_of_parts();
+        let mut out = self.part_errors();
         let tree: Vec<E> = self.check_tree().err().into_iter().collect();
-        let whole = out.is_empty() && tree.is_empty();
+        let is_tree = out.is_empty() && tree.is_empty();
         out.extend(tree);
-        if whole {
+        if is_tree {
             out.extend(self.check_inertials());
-            let ties = (0..self.joints.len()).filter(|&j| self.joints[j].kind != JointKind::Fixed);
-            out.extend(ties.filter_map(|joint| self.tie(joint).err()));
+            let moving = (0..self.joints.len()).filter(|&j| self.joints[j].kind != JointKind::Fixed);
+            out.extend(moving.filter_map(|joint| self.joint_coupling(joint).err()));
             if !self.allow_unphysical {
                 out.extend(
-                    self.impossible()
+                    self.unphysical_links()
                         .into_iter()
                         .filter(|(_, merged)| !merged)
-                        .map(|(fault, _)| fault),
+                        .map(|(error, _)| error),
                 );
             }
         }
         out
     }
 
-    /// Faults of single links and joints, independent of the tree.
-    pub(super) fn faults_of_parts(&self) -> Vec<E> {
+    /// Errors of single links and joints, independent of the tree.
+    pub(super) fn part_errors(&self) -> Vec<E> {
         let mut out = Vec::new();
         unique("link", self.links.iter().map(|l| &l.name), &mut out);
         unique("joint", self.joints.iter().map(|j| &j.name), &mut out);
@@ -63,22 +63,23 @@ impl Description {
         out
     }
 
-    /// Tolerated oddities of the inertias; with each, whether the body that the link is part of is possible. Call only on a checked
+    /// Tolerated errors of the inertias; with each, whether the body that the link is part of is possible. Call only on a checked
     /// tree.
-    pub(super) fn oddities(&self) -> Vec<(E, bool)> {
-        let odd = self.impossible();
-        odd.into_iter()
+    pub(super) fn tolerated_errors(&self) -> Vec<(E, bool)> {
+        let unphysical = self.unphysical_links();
+        unphysical
+            .into_iter()
             .filter(|(_, merged)| *merged || self.allow_unphysical)
             .collect()
     }
 
     /// Links with physically impossible inertias, and whether the body that each is part of is possible.
-    fn impossible(&self) -> Vec<(E, bool)> {
-        let fault = |link: &Link| {
+    fn unphysical_links(&self) -> Vec<(E, bool)> {
+        let error = |link: &Link| {
             link.inertia
                 .and_then(|inertia| check_physics(&link.name, &inertia).err())
         };
-        if self.links.iter().all(|link| fault(link).is_none()) {
+        if self.links.iter().all(|link| error(link).is_none()) {
             return Vec::new(); // sums of possible bodies are possible
         }
         let merged = Merged::of(self);
@@ -97,11 +98,11 @@ impl Description {
             // a negative mass is not a placeholder
             link.inertia.is_none_or(|own| own.mass >= 0.0) && check_physics(&link.name, inertia).is_ok()
         };
-        let odd = self
+        let unphysical = self
             .links
             .iter()
-            .filter_map(|link| fault(link).map(|fault| (fault, possible(link))));
-        odd.collect()
+            .filter_map(|link| error(link).map(|error| (error, possible(link))));
+        unphysical.collect()
     }
 
     fn check_joint(&self, index: usize) -> Result<(), E> {

@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn looks_do_not_count() {
+    fn digest_ignores_appearance() {
         let visual = r#"<link name="bob"><visual><geometry><sphere radius="0.1"/></geometry></visual>"#;
         for same in [
             PENDULUM.replace(r#"<link name="bob">"#, visual),
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn physics_counts() {
+    fn digest_depends_on_physics() {
         for (from, to) in [
             (r#"value="0.5""#, r#"value="0.500001""#),
             (r#"iyy="0.1""#, r#"iyy="0.11""#),

@@ -123,14 +123,14 @@ impl Description {
     pub fn remove_branch(&mut self, name: &str) -> Result<&mut Self, EditError> {
         self.link_mut(name)?;
         let index = |links: &[super::Link], name: &str| links.iter().position(|l| l.name == name);
-        let mut doomed: Vec<usize> = index(&self.links, name).into_iter().collect();
+        let mut removed: Vec<usize> = index(&self.links, name).into_iter().collect();
         let mut next = 0;
-        while let Some(&link) = doomed.get(next) {
-            doomed.extend(self.joints.iter().filter(|j| j.parent == link).map(|j| j.child));
+        while let Some(&link) = removed.get(next) {
+            removed.extend(self.joints.iter().filter(|j| j.parent == link).map(|j| j.child));
             next += 1;
         }
-        self.joints.retain(|j| !doomed.contains(&j.child));
-        let kept: Vec<usize> = (0..self.links.len()).filter(|i| !doomed.contains(i)).collect();
+        self.joints.retain(|j| !removed.contains(&j.child));
+        let kept: Vec<usize> = (0..self.links.len()).filter(|i| !removed.contains(i)).collect();
         let new_index = |old: usize| kept.iter().position(|&k| k == old).unwrap_or(0);
         for j in &mut self.joints {
             j.parent = new_index(j.parent);

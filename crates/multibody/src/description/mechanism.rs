@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::fault::DescriptionError;
+use super::error::DescriptionError;
 
 /// Pose of a frame B in a frame A: `p_AB` (A axes, m) and `R_AB`, so that a point's coordinates map as
 /// `p_AP = p_AB + R_AB p_BP`.

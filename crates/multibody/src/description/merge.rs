@@ -1,6 +1,6 @@
 //! Conversion of links and joints to bodies: fixed joints merged, every moving axis rotated to +z, parents before children.
 
-use super::mimic::Tie;
+use super::mimic::JointCoupling;
 use super::{Description, DescriptionError, Inertia, JointKind, Placement};
 use nalgebra::{Matrix3, Vector3};
 
@@ -40,14 +40,14 @@ pub(crate) struct Merged {
     pub bodies: Vec<Body>,
     pub frames: Vec<Frame>,
     /// Source of each joint's position, by [`Body::coordinate`]; `None` when each has its own coordinate.
-    pub ties: Option<Vec<Tie>>,
+    pub couplings: Option<Vec<JointCoupling>>,
 }
 
 impl Merged {
     pub(crate) fn new(d: &Description) -> Result<Self, DescriptionError> {
         d.validate()?;
         let mut out = Self::of(d);
-        out.ties = d.ties()?;
+        out.couplings = d.joint_couplings()?;
         Ok(out)
     }
 
@@ -59,12 +59,12 @@ impl Merged {
             base: Inertia::zero(),
             bodies: Vec::new(),
             frames: Vec::new(),
-            ties: None,
+            couplings: None,
         };
         // For each link: its body, and its pose in that body's L frame.
         let mut place: Vec<Option<(Option<usize>, Placement)>> = vec![None; d.links.len()];
         place[root] = Some((None, Placement::identity()));
-        out.take_link(d, root, None, Placement::identity());
+        out.add_link(d, root, None, Placement::identity());
         let coordinate = |joint: usize| d.joints[..joint].iter().filter(|j| j.kind != JointKind::Fixed).count();
         let mut waiting: Vec<usize> = (0..d.joints.len()).collect();
         // The file may list a child's joint before its parent's: repeatedly take the first joint with a placed parent. A file in
@@ -105,13 +105,13 @@ impl Merged {
                 )
             };
             place[j.child] = Some((body, of_link));
-            out.take_link(d, j.child, body, of_link);
+            out.add_link(d, j.child, body, of_link);
         }
         out
     }
 
     /// Adds link `link`, posed at `placement` on `body`, to that body's inertia and to the frames.
-    fn take_link(&mut self, d: &Description, link: usize, body: Option<usize>, placement: Placement) {
+    fn add_link(&mut self, d: &Description, link: usize, body: Option<usize>, placement: Placement) {
         let link = &d.links[link];
         self.frames.push(Frame {
             name: link.name.clone(),
@@ -123,13 +123,13 @@ impl Merged {
                 Some(b) => &mut self.bodies[b].inertia,
                 None => &mut self.base,
             };
-            *target = sum(target, &moved(inertia, &placement));
+            *target = sum(target, &transformed(inertia, &placement));
         }
     }
 }
 
 /// The same body expressed in a frame in which its own frame has the pose `placement`.
-pub(crate) fn moved(i: &Inertia, placement: &Placement) -> Inertia {
+pub(crate) fn transformed(i: &Inertia, placement: &Placement) -> Inertia {
     let about_com = placement.r * i.about_com * placement.r.transpose();
     Inertia {
         mass: i.mass,

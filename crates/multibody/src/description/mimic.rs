@@ -4,9 +4,9 @@ use super::{Description, DescriptionError as E, Joint, JointKind};
 
 /// Source of a moving joint's position: `multiplier · q + offset` of the joint coordinate with that index.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Tie {
+pub(crate) struct JointCoupling {
     /// Whether the coordinate belongs to the joint itself.
-    pub own: bool,
+    pub independent: bool,
     pub coordinate: usize,
     pub multiplier: f64,
     pub offset: f64,
@@ -14,7 +14,7 @@ pub(crate) struct Tie {
 
 impl Description {
     /// For every moving joint, in the order of the file, the source of its position; `None` when all have their own coordinates.
-    pub(super) fn ties(&self) -> Result<Option<Vec<Tie>>, E> {
+    pub(super) fn joint_couplings(&self) -> Result<Option<Vec<JointCoupling>>, E> {
         if self
             .joints
             .iter()
@@ -23,18 +23,21 @@ impl Description {
             return Ok(None);
         }
         let moving = (0..self.joints.len()).filter(|&joint| self.joints[joint].kind != JointKind::Fixed);
-        moving.map(|joint| self.tie(joint)).collect::<Result<_, _>>().map(Some)
+        moving
+            .map(|joint| self.joint_coupling(joint))
+            .collect::<Result<_, _>>()
+            .map(Some)
     }
 
     /// Resolves the chain from a joint to the one with a coordinate.
-    pub(super) fn tie(&self, joint: usize) -> Result<Tie, E> {
-        let own = &self.joints[joint];
+    pub(super) fn joint_coupling(&self, joint: usize) -> Result<JointCoupling, E> {
+        let follower = &self.joints[joint];
         let (mut at, mut multiplier, mut offset) = (joint, 1.0, 0.0);
         for _ in 0..self.joints.len() {
             let Some(mimic) = &self.joints[at].mimic else {
                 let before = self.joints[..at].iter().filter(|j| j.has_coordinate());
-                return Ok(Tie {
-                    own: at == joint,
+                return Ok(JointCoupling {
+                    independent: at == joint,
                     coordinate: before.count(),
                     multiplier,
                     offset,
@@ -45,7 +48,7 @@ impl Description {
             multiplier *= mimic.multiplier;
             let refuse = |reason| {
                 Err(E::Mimic {
-                    joint: own.name.clone(),
+                    joint: follower.name.clone(),
                     leader: mimic.joint.clone(),
                     reason,
                 })
@@ -59,8 +62,11 @@ impl Description {
             };
         }
         Err(E::Mimic {
-            joint: own.name.clone(),
-            leader: own.mimic.as_ref().map_or_else(String::new, |mimic| mimic.joint.clone()),
+            joint: follower.name.clone(),
+            leader: follower
+                .mimic
+                .as_ref()
+                .map_or_else(String::new, |mimic| mimic.joint.clone()),
             reason: "which follows it in turn; let one of them follow no other",
         })
     }

@@ -8,15 +8,15 @@
 mod check;
 mod digest;
 mod edit;
-mod fault;
+mod error;
 mod mechanism;
 mod merge;
 mod mimic;
 mod urdf;
 
 pub use edit::EditError;
-pub use fault::DescriptionError;
+pub use error::DescriptionError;
 pub use mechanism::{Description, Inertia, Joint, JointKind, Limits, Link, Mimic, Placement};
 pub(crate) use merge::{Body, Merged, steiner as merge_steiner};
-pub(crate) use mimic::Tie;
-pub use urdf::{UrdfError, UrdfErrors, UrdfFault, UrdfOptions, UrdfReading, UrdfWarning, read_xml};
+pub(crate) use mimic::JointCoupling;
+pub use urdf::{UrdfError, UrdfErrorKind, UrdfErrors, UrdfOptions, UrdfReading, UrdfWarning, read_xml};

@@ -1,7 +1,7 @@
 //! Dormand and Prince's method of order 8 in 12 stages (Hairer, Nørsett, Wanner, *Solving Ordinary Differential
 //! Equations I*, 2nd ed., §II.10, where the coefficients are tabulated to 30 digits), with a fixed step.
 
-use super::Flow;
+use super::OdeSystem;
 
 const STAGES: usize = 12;
 
@@ -40,19 +40,19 @@ const B: [f64; STAGES] = [
     -1.52160949662516078556178806805e-1, 2.01365400804030348374776537501e-1, 4.47106157277725905176885569043e-2,
 ];
 
-pub(super) fn step<F: Flow>(flow: &F, s: &F::State, force: &F::Force, h: f64) -> F::State {
-    let mut k = [flow.rate(s, force); STAGES];
-    let weighed = |k: &[F::Rate], weights: &[f64]| {
+pub(super) fn step<F: OdeSystem>(system: &F, s: &F::State, force: &F::Force, h: f64) -> F::State {
+    let mut k = [system.rate(s, force); STAGES];
+    let weighted_sum = |k: &[F::Rate], weights: &[f64]| {
         let mut out = *s;
         for (k, w) in k.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
-            out = flow.moved(&out, &[(h * w, k)]);
+            out = system.plus_rates(&out, &[(h * w, k)]);
         }
         out
     };
     for i in 1..STAGES {
-        k[i] = flow.rate(&weighed(&k[..i], &A[i - 1]), force);
+        k[i] = system.rate(&weighted_sum(&k[..i], &A[i - 1]), force);
     }
-    flow.restored(weighed(&k, &B))
+    system.projected(weighted_sum(&k, &B))
 }
 
 #[cfg(test)]

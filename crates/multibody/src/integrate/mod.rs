@@ -10,11 +10,11 @@
 //! | `dop853` | Dormand and Prince, 12 stages, fixed step; the reference in convergence tests | 8 |
 
 mod dop853;
-mod flow;
+mod ode_system;
 mod rk4;
 mod rkmk4;
 
-pub use flow::Flow;
+pub use ode_system::OdeSystem;
 
 use crate::num::Number;
 use crate::rotation::Quaternion;
@@ -61,14 +61,14 @@ impl core::fmt::Display for Method {
     }
 }
 
-/// One step of `h` seconds of classical Runge-Kutta on any [`Flow`].
-pub fn rk4<F: Flow>(flow: &F, state: &F::State, force: &F::Force, h: f64) -> F::State {
-    rk4::step(flow, state, force, h)
+/// One step of `h` seconds of classical Runge-Kutta on any [`OdeSystem`].
+pub fn rk4<F: OdeSystem>(system: &F, state: &F::State, force: &F::Force, h: f64) -> F::State {
+    rk4::step(system, state, force, h)
 }
 
-/// One step of `h` seconds of Dormand and Prince's eighth-order method on any [`Flow`].
-pub fn dop853<F: Flow>(flow: &F, state: &F::State, force: &F::Force, h: f64) -> F::State {
-    dop853::step(flow, state, force, h)
+/// One step of `h` seconds of Dormand and Prince's eighth-order method on any [`OdeSystem`].
+pub fn dop853<F: OdeSystem>(system: &F, state: &F::State, force: &F::Force, h: f64) -> F::State {
+    dop853::step(system, state, force, h)
 }
 
 /// Rates of the coordinates of a [`State`].
@@ -100,17 +100,17 @@ impl<const N: usize, const V: usize, T: Number> Rate<N, V, T> {
 impl<const N: usize, const V: usize, T: Number> State<N, V, T> {
     /// `self + Σ kᵢ rateᵢ`, coordinate by coordinate.
     #[inline(always)]
-    pub fn moved(&self, by: &[(f64, &Rate<N, V, T>)]) -> Self {
+    pub fn plus_rates(&self, by: &[(f64, &Rate<N, V, T>)]) -> Self {
         let mut out = *self;
         for (k, rate) in by {
-            out.shift(*k, rate);
+            out.add_rate(*k, rate);
         }
         out
     }
 
     /// Adds `k rate`, coordinate by coordinate.
     #[inline(always)]
-    pub fn shift(&mut self, k: f64, rate: &Rate<N, V, T>) {
+    pub fn add_rate(&mut self, k: f64, rate: &Rate<N, V, T>) {
         let k = T::of(k);
         for i in 0..3 {
             self.p_nb[i] = k.mul_add(rate.p_nb[i], self.p_nb[i]);
@@ -125,7 +125,7 @@ impl<const N: usize, const V: usize, T: Number> State<N, V, T> {
     }
 }
 
-impl<const N: usize, const V: usize> Flow for Tree<N, V> {
+impl<const N: usize, const V: usize> OdeSystem for Tree<N, V> {
     type State = State<N, V>;
     type Rate = Rate<N, V>;
     type Force = SVector<f64, V>;
@@ -136,13 +136,13 @@ impl<const N: usize, const V: usize> Flow for Tree<N, V> {
     }
 
     #[inline(always)]
-    fn moved(&self, s: &State<N, V>, by: &[(f64, &Rate<N, V>)]) -> State<N, V> {
-        s.moved(by)
+    fn plus_rates(&self, s: &State<N, V>, by: &[(f64, &Rate<N, V>)]) -> State<N, V> {
+        s.plus_rates(by)
     }
 
     #[inline(always)]
-    fn restored(&self, s: State<N, V>) -> State<N, V> {
-        s.restored()
+    fn projected(&self, s: State<N, V>) -> State<N, V> {
+        s.projected()
     }
 }
 

@@ -3,7 +3,7 @@
 //!
 //! An articulated inertia is the 21 numbers of `[n; f] = [A H; Hᵀ M] [α; a] + [n₀; f₀]`.
 
-use super::place::sines;
+use super::poses::joint_sin_cos;
 use super::{BASE, Link, Model, Rigid, rotate};
 use crate::num::{Constant, List, Mat3, Real, Size, Sym3, V3};
 
@@ -213,7 +213,7 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
     let (omega_base, v_base) = model.base_part(nu);
     // Measured: for doubles one pass over a body's pose and inertia is faster, for lanes (four times the registers) separate passes.
     let wide = const { size_of::<T>() > size_of::<f64>() };
-    let trig = sines::<Z, T>(model.bodies.len(), q);
+    let trig = joint_sin_cos::<Z, T>(model.bodies.len(), q);
     let mut outward = Z::List::<Outward<T>>::with_capacity(n + 1);
     outward.push(Outward::base(omega_base));
     let mut inertias = Z::List::<Articulated<T>>::with_capacity(n + 1);
@@ -241,7 +241,7 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
         let Outward { r, d, .. } = &outward[i + 1];
         let (before, rest) = inertias.split_at_mut(i + 1);
         let (at, row) = (link.coordinate, offset + link.coordinate);
-        let joint = Inward::of(link, r.c[2], &rest[0], drive(link, q[at], nu[row], tau[row]));
+        let joint = Inward::of(link, r.c[2], &rest[0], joint_force(link, q[at], nu[row], tau[row]));
         inward.push(joint);
         before[link.parent].add_shifted(&joint.reduced(&rest[0]), *d);
     }
@@ -276,7 +276,7 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
 
 /// The joint's generalised force with damper and spring.
 #[inline(always)]
-fn drive<T: Real, K: Constant<T>>(link: &Link<K>, q: T, rate: T, tau: T) -> T {
+fn joint_force<T: Real, K: Constant<T>>(link: &Link<K>, q: T, rate: T, tau: T) -> T {
     let damped = (-link.damping.lift()).mul_add(rate, tau);
     (-link.stiffness.lift()).mul_add(q - link.rest.lift(), damped)
 }

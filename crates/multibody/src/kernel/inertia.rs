@@ -7,7 +7,7 @@
 //! turns their 6×6 matrix B(I, v) into nine numbers, `D = ∫ ẋ xᵀ dm`, which shift from joint to joint as
 //! `D' = D + ḣ dᵀ + ḋ h'ᵀ`. A composite is (m, h, Σ, ḣ, D) about its joint's origin.
 
-use super::place::{Placed, Rates};
+use super::poses::{BodyPose, Rates};
 use super::{BASE, Model, Rigid, inertia_times};
 use crate::num::{List, Mat3, Real, Size, Sym3, V3};
 
@@ -24,8 +24,8 @@ struct Composite<T> {
 
 impl<T: Real> Composite<T> {
     #[inline(always)]
-    fn rigid<const RATES: bool>(rigid: &Rigid, at: &Placed<T>, omega: V3<T>, turned: bool) -> Self {
-        let (h, sigma) = if turned {
+    fn rigid<const RATES: bool>(rigid: &Rigid, at: &BodyPose<T>, omega: V3<T>, rotated_frame: bool) -> Self {
+        let (h, sigma) = if rotated_frame {
             (at.r.mul(V3::of(rigid.h)), Sym3::of(rigid.sigma).rotated(&at.r))
         } else {
             (V3::of(rigid.h), Sym3::of(rigid.sigma))
@@ -76,9 +76,9 @@ impl<T: Real> Composite<T> {
 
     /// Wrenches that the composite requires for a joint about `z`, with axis rate `zr`.
     #[inline(always)]
-    fn asked(&self, prismatic: bool, z: V3<T>, zr: V3<T>) -> Asked<T> {
+    fn unit_wrenches(&self, prismatic: bool, z: V3<T>, zr: V3<T>) -> UnitWrenches<T> {
         if prismatic {
-            Asked {
+            UnitWrenches {
                 n: self.h.cross(z),
                 f: z * self.mass,
                 cn: self.h.cross(zr),
@@ -86,7 +86,7 @@ impl<T: Real> Composite<T> {
                 g: self.h_rate.cross(z),
             }
         } else {
-            Asked {
+            UnitWrenches {
                 n: inertia_times(&self.sigma, z),
                 f: z.cross(self.h),
                 cn: self.b_times(z) + inertia_times(&self.sigma, zr),
@@ -99,7 +99,7 @@ impl<T: Real> Composite<T> {
 
 /// Wrench on the composite for unit acceleration of a joint, (n, f); for unit reference velocity, (cn, cf), due to the axis' rate and to
 /// the bodies' motion; and the transposed action, g.
-struct Asked<T> {
+struct UnitWrenches<T> {
     n: V3<T>,
     f: V3<T>,
     cn: V3<T>,
@@ -112,7 +112,7 @@ struct Asked<T> {
 #[inline(always)]
 pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     model: Model,
-    placed: &[Placed<T>],
+    poses: &[BodyPose<T>],
     rates: &[Rates<T>],
     omega_base: V3<T>,
     mass: &mut [T],
@@ -125,15 +125,15 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     let none = Rates::base(V3::zero());
     let rate_of = |at: usize| if RATES { rates[at] } else { none };
     let mut composites = Z::List::<Composite<T>>::with_capacity(n + 1);
-    composites.push(Composite::rigid::<RATES>(model.base, &placed[BASE], omega_base, false));
+    composites.push(Composite::rigid::<RATES>(model.base, &poses[BASE], omega_base, false));
     for (i, link) in model.bodies.iter().enumerate() {
         let omega = rate_of(i + 1).omega;
-        composites.push(Composite::rigid::<RATES>(&link.rigid, &placed[i + 1], omega, true));
+        composites.push(Composite::rigid::<RATES>(&link.rigid, &poses[i + 1], omega, true));
     }
 
     for i in (0..n).rev() {
         let link = &model.bodies[i];
-        let at = &placed[i + 1];
+        let at = &poses[i + 1];
         let rate = rate_of(i + 1);
         let (before, rest) = composites.split_at_mut(i + 1);
         let own = &rest[0];
@@ -141,34 +141,30 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
 
         let col = offset + link.coordinate;
         let (z, zr) = (at.z(), rate.z);
-        let mut asked = own.asked(link.prismatic, z, zr);
-        let diagonal = if link.prismatic { z.dot(asked.f) } else { z.dot(asked.n) };
+        let mut unit = own.unit_wrenches(link.prismatic, z, zr);
+        let diagonal = if link.prismatic { z.dot(unit.f) } else { z.dot(unit.n) };
         mass[col * dim + col] = diagonal + T::of(link.motor_inertia);
         if RATES {
-            coriolis[col * dim + col] = if link.prismatic {
-                z.dot(asked.cf)
-            } else {
-                z.dot(asked.cn)
-            };
+            coriolis[col * dim + col] = if link.prismatic { z.dot(unit.cf) } else { z.dot(unit.cn) };
         }
         let mut from = i + 1;
         loop {
-            let d = placed[from].d;
-            asked.n = d.cross_add(asked.f, asked.n);
+            let d = poses[from].d;
+            unit.n = d.cross_add(unit.f, unit.n);
             if RATES {
-                asked.cn = d.cross_add(asked.cf, asked.cn);
-                asked.g = rate_of(from).d.cross_add(asked.f, asked.g);
+                unit.cn = d.cross_add(unit.cf, unit.cn);
+                unit.g = rate_of(from).d.cross_add(unit.f, unit.g);
             }
             from = model.bodies[from - 1].parent;
             if from == BASE {
                 break;
             }
             let row = offset + model.bodies[from - 1].coordinate;
-            let (z, zr) = (placed[from].z(), rate_of(from).z);
+            let (z, zr) = (poses[from].z(), rate_of(from).z);
             let (m, up, down) = if model.bodies[from - 1].prismatic {
-                (z.dot(asked.f), z.dot(asked.cf), zr.dot(asked.f))
+                (z.dot(unit.f), z.dot(unit.cf), zr.dot(unit.f))
             } else {
-                (z.dot(asked.n), z.dot(asked.cn), zr.dot_add(asked.n, z.dot(asked.g)))
+                (z.dot(unit.n), z.dot(unit.cn), zr.dot_add(unit.n, z.dot(unit.g)))
             };
             mass[col * dim + row] = m;
             mass[row * dim + col] = m;
@@ -178,10 +174,10 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
             }
         }
         if model.floating {
-            write_both(mass, dim, col, (asked.n, asked.f), (asked.n, asked.f));
+            write_row_and_column(mass, dim, col, (unit.n, unit.f), (unit.n, unit.f));
             if RATES {
-                let row = (asked.n.cross_add(omega_base, asked.g), asked.f.cross(omega_base));
-                write_both(coriolis, dim, col, (asked.cn, asked.cf), row);
+                let row = (unit.n.cross_add(omega_base, unit.g), unit.f.cross(omega_base));
+                write_row_and_column(coriolis, dim, col, (unit.cn, unit.cf), row);
             }
         }
     }
@@ -192,7 +188,13 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
 
 /// The six base elements of a joint's column and of its row: rotations, then translations.
 #[inline(always)]
-fn write_both<T: Real>(m: &mut [T], dim: usize, row: usize, above: (V3<T>, V3<T>), (ang, lin): (V3<T>, V3<T>)) {
+fn write_row_and_column<T: Real>(
+    m: &mut [T],
+    dim: usize,
+    row: usize,
+    above: (V3<T>, V3<T>),
+    (ang, lin): (V3<T>, V3<T>),
+) {
     above.0.write(m, row * dim);
     above.1.write(m, row * dim + 3);
     m[row] = ang.x;
@@ -213,10 +215,10 @@ fn base_blocks<T: Real, const RATES: bool>(
     mass: &mut [T],
     coriolis: &mut [T],
 ) {
-    let turn = Mat3::skew(omega);
+    let omega_skew = Mat3::skew(omega);
     let axes = Mat3::<T>::identity();
     for k in 0..3 {
-        let (e, er) = (axes.c[k], turn.c[k]);
+        let (e, er) = (axes.c[k], omega_skew.c[k]);
         inertia_times(&own.sigma, e).write(mass, k * dim);
         e.cross(own.h).write(mass, k * dim + 3);
         own.h.cross(e).write(mass, (3 + k) * dim);

@@ -1,6 +1,6 @@
 //! Body Jacobian of a frame and its rate.
 
-use super::place::{Placed, Rates};
+use super::poses::{BodyPose, Rates};
 use super::{BASE, Model};
 use crate::num::{Constant, Mat3, Real, V3};
 
@@ -16,10 +16,10 @@ pub(crate) struct FrameConsts<K = f64> {
 #[inline(always)]
 pub(crate) fn frame_at<T: Real, K: Constant<T>>(
     frame: &FrameConsts<K>,
-    placed: &[Placed<T>],
+    poses: &[BodyPose<T>],
     rates: &[Rates<T>],
 ) -> (Mat3<T>, V3<T>) {
-    let on = &placed[frame.body];
+    let on = &poses[frame.body];
     (
         on.r.mul_mat(&Mat3::of(frame.r)),
         on.r.mul_add(V3::of(frame.p), rates[frame.body].p),
@@ -31,7 +31,7 @@ pub(crate) fn frame_at<T: Real, K: Constant<T>>(
 #[inline(always)]
 pub(crate) fn jacobian<T: Real, K: Constant<T>, const RATE: bool>(
     model: Model<K>,
-    placed: &[Placed<T>],
+    poses: &[BodyPose<T>],
     rates: &[Rates<T>],
     omega_base: V3<T>,
     frame: &FrameConsts<K>,
@@ -40,7 +40,7 @@ pub(crate) fn jacobian<T: Real, K: Constant<T>, const RATE: bool>(
     let offset = model.offset();
     let dim = offset + model.bodies.len();
     out[..6 * dim].fill(T::of(0.0));
-    let (r, p) = frame_at(frame, placed, rates);
+    let (r, p) = frame_at(frame, poses, rates);
     // not used below without RATE
     let base = Rates::base(omega_base);
     let (omega, p_rate) = if RATE {
@@ -50,34 +50,34 @@ pub(crate) fn jacobian<T: Real, K: Constant<T>, const RATE: bool>(
         (base.omega, base.p_rate)
     };
     // components of u in E axes, or the rate of those components when u changes at u_rate
-    let put = |out: &mut [T], k: usize, u: V3<T>, u_rate: V3<T>| {
-        let seen = if RATE { u.cross_add(omega, u_rate) } else { u };
-        r.tmul(seen).write(out, k);
+    let write_column = |out: &mut [T], k: usize, u: V3<T>, u_rate: V3<T>| {
+        let components = if RATE { u.cross_add(omega, u_rate) } else { u };
+        r.tmul(components).write(out, k);
     };
     let mut body = frame.body;
     while body != BASE {
         let link = &model.bodies[body - 1];
-        let on = &placed[body];
+        let on = &poses[body];
         let k = 6 * (offset + link.coordinate);
         let rate = &rates[body];
         let (z, zr) = (on.z(), rate.z);
         if link.prismatic {
-            put(out, k + 3, z, zr);
+            write_column(out, k + 3, z, zr);
         } else {
             let (arm, arm_rate) = (p - rate.p, p_rate - rate.p_rate);
-            put(out, k, z, zr);
-            put(out, k + 3, z.cross(arm), z.cross_add(arm_rate, zr.cross(arm)));
+            write_column(out, k, z, zr);
+            write_column(out, k + 3, z.cross(arm), z.cross_add(arm_rate, zr.cross(arm)));
         }
         body = link.parent;
     }
     if model.floating {
         let axes = Mat3::<T>::identity();
-        let turn = Mat3::skew(omega_base);
+        let omega_skew = Mat3::skew(omega_base);
         for i in 0..3 {
-            let (e, er) = (axes.c[i], turn.c[i]);
-            put(out, 6 * i, e, er);
-            put(out, 6 * i + 3, e.cross(p), e.cross_add(p_rate, er.cross(p)));
-            put(out, 6 * (3 + i) + 3, e, er);
+            let (e, er) = (axes.c[i], omega_skew.c[i]);
+            write_column(out, 6 * i, e, er);
+            write_column(out, 6 * i + 3, e.cross(p), e.cross_add(p_rate, er.cross(p)));
+            write_column(out, 6 * (3 + i) + 3, e, er);
         }
     }
 }

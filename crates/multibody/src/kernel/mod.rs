@@ -19,7 +19,7 @@ pub(crate) mod inertia;
 pub(crate) mod jacobian;
 pub(crate) mod momentum;
 pub(crate) mod newton_euler;
-pub(crate) mod place;
+pub(crate) mod poses;
 
 use crate::description::{Inertia, merge_steiner};
 use crate::num::{Constant, Mat3, Real, Sym3, V3};

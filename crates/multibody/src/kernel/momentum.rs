@@ -1,6 +1,6 @@
 //! Momentum, centre of mass and kinetic energy, by summing over the bodies.
 
-use super::place::{Placed, Rates};
+use super::poses::{BodyPose, Rates};
 use super::{Model, Rigid};
 use crate::num::{Constant, Real, Sym3, V3};
 
@@ -18,19 +18,19 @@ pub(crate) struct Sums<T> {
     pub energy: T,
 }
 
-/// The sums at `placed`, joint rates from `nu`. The velocity of the base origin is excluded, to avoid cancellation when
+/// The sums at `poses`, joint rates from `nu`. The velocity of the base origin is excluded, to avoid cancellation when
 /// it is large.
 #[inline(always)]
 pub(crate) fn sums<T: Real, K: Constant<T>>(
     model: Model<K>,
-    placed: &[Placed<T>],
+    poses: &[BodyPose<T>],
     rates: &[Rates<T>],
     nu: &[T],
 ) -> Sums<T> {
     let half = T::of(0.5);
     let mut out = Sums::nothing();
-    out.add(model.base, &placed[0], &rates[0], false);
-    for (link, (at, rate)) in model.bodies.iter().zip(placed[1..].iter().zip(&rates[1..])) {
+    out.add(model.base, &poses[0], &rates[0], false);
+    for (link, (at, rate)) in model.bodies.iter().zip(poses[1..].iter().zip(&rates[1..])) {
         out.add(&link.rigid, at, rate, true);
         let rate = nu[model.offset() + link.coordinate];
         out.energy = (link.motor_inertia.lift() * half).mul_add(rate * rate, out.energy);
@@ -41,11 +41,11 @@ pub(crate) fn sums<T: Real, K: Constant<T>>(
 /// The same of each body alone, base first.
 pub(crate) fn each<'a>(
     model: Model<'a>,
-    placed: &'a [Placed<f64>],
+    poses: &'a [BodyPose<f64>],
     rates: &'a [Rates<f64>],
 ) -> impl Iterator<Item = Sums<f64>> + 'a {
     let rigid = core::iter::once(model.base).chain(model.bodies.iter().map(|link| &link.rigid));
-    let all = rigid.zip(placed.iter().zip(rates)).enumerate();
+    let all = rigid.zip(poses.iter().zip(rates)).enumerate();
     all.map(|(body, (rigid, (at, rate)))| {
         let mut out = Sums::nothing();
         out.add(rigid, at, rate, body > 0);
@@ -73,10 +73,10 @@ impl<T: Real> Sums<T> {
     }
 
     #[inline(always)]
-    fn add<K: Constant<T>>(&mut self, rigid: &Rigid<K>, at: &Placed<T>, rate: &Rates<T>, turned: bool) {
+    fn add<K: Constant<T>>(&mut self, rigid: &Rigid<K>, at: &BodyPose<T>, rate: &Rates<T>, rotated_frame: bool) {
         let mass: T = rigid.mass.lift();
         let sigma = Sym3::of(rigid.j);
-        let (h, spin) = if turned {
+        let (h, spin) = if rotated_frame {
             (at.r.mul(V3::of(rigid.h)), at.r.mul(sigma.mul(at.r.tmul(rate.omega))))
         } else {
             (V3::of(rigid.h), sigma.mul(rate.omega))

@@ -11,13 +11,13 @@
 //! caller. Unlike the other recursions this one works in each body's own axes: only vectors are transformed, the inertias
 //! stay constant, and a joint axis is e_z.
 
-use super::place::sines;
+use super::poses::joint_sin_cos;
 use super::{BASE, Link, Model, Rigid};
 use crate::num::{List, Mat3, Real, Size, Sym3, V3};
 
 /// Rates of a body in its own axes.
 #[derive(Clone, Copy)]
-struct Moving<T> {
+struct BodyMotion<T> {
     omega: V3<T>,
     omega_r: V3<T>,
     alpha: V3<T>,
@@ -32,13 +32,13 @@ struct Wrench<T> {
 }
 
 /// Change of axes across a joint: `R_PL = E Rz(q)`.
-struct Turn<T> {
+struct JointRotation<T> {
     e: Mat3<T>,
     s: T,
     c: T,
 }
 
-impl<T: Real> Turn<T> {
+impl<T: Real> JointRotation<T> {
     #[inline(always)]
     fn new(link: &Link, (s, c): (T, T)) -> Self {
         let (s, c) = if link.prismatic {
@@ -80,7 +80,7 @@ struct Joint<T> {
     acc: T,
 }
 
-impl<T: Real> Moving<T> {
+impl<T: Real> BodyMotion<T> {
     /// The base: a_r,0 = a + v₀ × v_r,0 in spatial terms, so α = a_ω + ω×ω_r and, classically, a_v + ω×v_r.
     #[inline(always)]
     fn base<const SAME: bool>(model: Model, nu: &[T], a: &[T], nu_r: &[T], gravity: V3<T>) -> Self {
@@ -106,8 +106,8 @@ impl<T: Real> Moving<T> {
 
     /// Child of this body on a prismatic joint.
     #[inline(always)]
-    fn slid<const SAME: bool>(&self, link: &Link, turn: &Turn<T>, joint: Joint<T>) -> Self {
-        let z = turn.e.c[2];
+    fn prismatic_child<const SAME: bool>(&self, link: &Link, rotation: &JointRotation<T>, joint: Joint<T>) -> Self {
+        let z = rotation.e.c[2];
         let d = z.mul_add(joint.q, V3::of(link.p));
         // a + α×d + ω_r×ḋ + ω×(z q̇_r) + z q̈, with ḋ = ω×d + z q̇
         let d_rate = self.omega.cross_add(d, z * joint.rate);
@@ -115,25 +115,25 @@ impl<T: Real> Moving<T> {
         let acc = self
             .omega
             .cross_add(z * joint.rate_r, self.omega_r.cross_add(d_rate, acc));
-        let omega = turn.to_child(self.omega);
-        let omega_r = if SAME { omega } else { turn.to_child(self.omega_r) };
+        let omega = rotation.to_child(self.omega);
+        let omega_r = if SAME { omega } else { rotation.to_child(self.omega_r) };
         Self {
             omega,
             omega_r,
-            alpha: turn.to_child(self.alpha),
-            acc: turn.to_child(acc),
+            alpha: rotation.to_child(self.alpha),
+            acc: rotation.to_child(acc),
         }
     }
 
     /// Child of this body on a revolute joint.
     #[inline(always)]
-    fn turned<const SAME: bool>(&self, link: &Link, turn: &Turn<T>, joint: Joint<T>) -> Self {
+    fn revolute_child<const SAME: bool>(&self, link: &Link, rotation: &JointRotation<T>, joint: Joint<T>) -> Self {
         let d = V3::of(link.p);
         let acc = self
             .omega_r
             .cross_add(self.omega.cross(d), self.alpha.cross_add(d, self.acc));
-        let mut omega = turn.to_child(self.omega);
-        let mut alpha = turn.to_child(self.alpha);
+        let mut omega = rotation.to_child(self.omega);
+        let mut alpha = rotation.to_child(self.alpha);
         // z q̈ + ω×(z q̇_r)
         alpha.x = omega.y.mul_add(joint.rate_r, alpha.x);
         alpha.y = (-omega.x).mul_add(joint.rate_r, alpha.y);
@@ -142,7 +142,7 @@ impl<T: Real> Moving<T> {
         let omega_r = if SAME {
             omega
         } else {
-            let mut r = turn.to_child(self.omega_r);
+            let mut r = rotation.to_child(self.omega_r);
             r.z = r.z + joint.rate_r;
             r
         };
@@ -150,7 +150,7 @@ impl<T: Real> Moving<T> {
             omega,
             omega_r,
             alpha,
-            acc: turn.to_child(acc),
+            acc: rotation.to_child(acc),
         }
     }
 }
@@ -169,16 +169,16 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
 ) {
     let offset = model.offset();
     let n = model.bodies.len();
-    let base = Moving::base::<SAME>(model, nu, a, nu_r, gravity);
-    let trig = sines::<Z, T>(model.bodies.len(), q);
-    let mut moving = Z::List::<Moving<T>>::with_capacity(n + 1);
+    let base = BodyMotion::base::<SAME>(model, nu, a, nu_r, gravity);
+    let trig = joint_sin_cos::<Z, T>(model.bodies.len(), q);
+    let mut motions = Z::List::<BodyMotion<T>>::with_capacity(n + 1);
     let mut wrenches = Z::List::<Wrench<T>>::with_capacity(n + 1);
     wrenches.push(own_wrench::<T, SAME>(model.base, &base));
-    moving.push(base);
+    motions.push(base);
     for link in model.bodies {
-        let up = moving[link.parent];
+        let parent = motions[link.parent];
         let k = offset + link.coordinate;
-        let turn = Turn::new(link, trig[link.coordinate]);
+        let rotation = JointRotation::new(link, trig[link.coordinate]);
         let joint = Joint {
             q: q[link.coordinate],
             rate: nu[k],
@@ -186,27 +186,27 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
             acc: a[k],
         };
         let own = if link.prismatic {
-            up.slid::<SAME>(link, &turn, joint)
+            parent.prismatic_child::<SAME>(link, &rotation, joint)
         } else {
-            up.turned::<SAME>(link, &turn, joint)
+            parent.revolute_child::<SAME>(link, &rotation, joint)
         };
         wrenches.push(own_wrench::<T, SAME>(&link.rigid, &own));
-        moving.push(own);
+        motions.push(own);
     }
 
     for i in (0..n).rev() {
         let link = &model.bodies[i];
         let k = offset + link.coordinate;
         let Wrench { n, f } = wrenches[i + 1];
-        let turn = Turn::new(link, trig[link.coordinate]);
+        let rotation = JointRotation::new(link, trig[link.coordinate]);
         let along = if link.prismatic { f.z } else { n.z };
         out[k] = T::of(link.motor_inertia).mul_add(a[k], along);
         let mut d = V3::of(link.p);
         if link.prismatic {
-            d = turn.e.c[2].mul_add(q[link.coordinate], d);
+            d = rotation.e.c[2].mul_add(q[link.coordinate], d);
         }
         let parent = &mut wrenches[link.parent];
-        let (n, f) = (turn.to_parent(n), turn.to_parent(f));
+        let (n, f) = (rotation.to_parent(n), rotation.to_parent(f));
         parent.n = d.cross_add(f, parent.n + n);
         parent.f = parent.f + f;
     }
@@ -218,7 +218,7 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
 
 /// The body's own contribution.
 #[inline(always)]
-fn own_wrench<T: Real, const SAME: bool>(rigid: &Rigid, m: &Moving<T>) -> Wrench<T> {
+fn own_wrench<T: Real, const SAME: bool>(rigid: &Rigid, m: &BodyMotion<T>) -> Wrench<T> {
     let (sigma, j, h) = (Sym3::of(rigid.sigma), Sym3::of(rigid.j), V3::of(rigid.h));
     let omega_r = if SAME { m.omega } else { m.omega_r };
     let n = j.mul_add(m.alpha, -m.omega.cross(sigma.mul(omega_r)));

@@ -42,7 +42,7 @@ impl<X> List<X> for Vec<X> {
 /// cost a tenth of a forward-dynamics call, which is the only reason why this is not a plain array.
 #[derive(Clone)]
 pub(crate) struct Fixed<X: Copy, const N: usize> {
-    items: OneMore<X, N>,
+    items: ArrayPlusOne<X, N>,
     len: usize,
 }
 
@@ -50,7 +50,7 @@ pub(crate) struct Fixed<X: Copy, const N: usize> {
 /// alignment of `X`, so there is no padding.
 #[derive(Clone)]
 #[repr(C)]
-struct OneMore<X: Copy, const N: usize> {
+struct ArrayPlusOne<X: Copy, const N: usize> {
     first: MaybeUninit<X>,
     others: [MaybeUninit<X>; N],
 }
@@ -59,7 +59,7 @@ impl<X: Copy, const N: usize> List<X> for Fixed<X, N> {
     #[inline(always)]
     fn with_capacity(_: usize) -> Self {
         Self {
-            items: OneMore {
+            items: ArrayPlusOne {
                 first: MaybeUninit::uninit(),
                 others: [const { MaybeUninit::uninit() }; N],
             },
@@ -69,7 +69,7 @@ impl<X: Copy, const N: usize> List<X> for Fixed<X, N> {
     #[inline(always)]
     fn push(&mut self, x: X) {
         assert!(self.len <= N);
-        // SAFETY: `OneMore<X, N>` has the layout of [X; N + 1], and `len` ≤ N was just checked.
+        // SAFETY: `ArrayPlusOne<X, N>` has the layout of [X; N + 1], and `len` ≤ N was just checked.
         unsafe { (&raw mut self.items).cast::<X>().add(self.len).write(x) };
         self.len += 1;
     }

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn agrees_with_an_independent_implementation() {
+    fn sin_cos_agrees_with_an_independent_implementation() {
         let mut worst = 0.0_f64;
         let mut x = 1.0e-9_f64;
         while x < 1.2e6 {
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn not_a_number_in_gives_not_a_number_out() {
+    fn nan_input_gives_nan_output() {
         for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let (s, c) = sin_cos(x);
             assert!(s.is_nan() && c.is_nan());

@@ -1,6 +1,6 @@
 //! Constants of the recursions, computed from a description, for a tree of any size.
 
-use crate::description::{Body, Description, DescriptionError, Merged, Tie};
+use crate::description::{Body, Description, DescriptionError, JointCoupling, Merged};
 use crate::kernel::jacobian::FrameConsts;
 use crate::kernel::{BASE, Link, Rigid};
 use nalgebra::Matrix3;
@@ -69,7 +69,7 @@ pub(crate) struct Constants {
     pub frames: Vec<FrameConsts>,
     pub frame_names: Vec<String>,
     /// Source of each joint's position, when some follow others.
-    pub ties: Option<Vec<Tie>>,
+    pub couplings: Option<Vec<JointCoupling>>,
 }
 
 impl Constants {
@@ -102,7 +102,7 @@ impl Constants {
                 .collect(),
             frame_names: m.frames.into_iter().map(|f| f.name).collect(),
             base_name: m.base_name,
-            ties: m.ties,
+            couplings: m.couplings,
         })
     }
 

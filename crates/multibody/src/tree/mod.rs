@@ -11,7 +11,7 @@ pub(crate) use total::{matrix, vector};
 
 use crate::description::{Description, Inertia, Placement};
 use crate::kernel::jacobian::FrameConsts;
-use crate::kernel::place::{Placed, Rates, place, rates};
+use crate::kernel::poses::{BodyPose, Rates, body_poses, rates};
 use crate::kernel::{BASE, Link, Model, Rigid, aba, inertia, jacobian, momentum, newton_euler};
 use crate::num::{F64x4, Fixed, Real, Static, V3};
 use crate::state::State;
@@ -36,7 +36,7 @@ pub struct Tree<const N: usize, const V: usize> {
 /// Poses and rates of every body at one state, shared by the algorithms that need them. Base axes, no base pose.
 #[derive(Clone, Debug)]
 pub struct Kinematics<const N: usize, const V: usize, T: Real = f64> {
-    pub(crate) placed: Fixed<Placed<T>, N>,
+    pub(crate) poses: Fixed<BodyPose<T>, N>,
     pub(crate) rates: Fixed<Rates<T>, N>,
     pub(crate) nu: [T; V],
 }
@@ -54,7 +54,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// inertia in any configuration.
     pub fn new(description: &Description) -> Result<Self, TreeError> {
         let constants = Constants::new(description)?;
-        if constants.ties.is_some()
+        if constants.couplings.is_some()
             && let Some((joint, mimic)) = description.joints.iter().find_map(|j| Some((j, j.mimic.as_ref()?)))
         {
             return Err(TreeError::Mimic {
@@ -163,15 +163,15 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// [`kinematics`](Self::kinematics) over any scalar.
     #[inline]
     pub fn kinematics_in<T: Real>(&self, q: &[T; N], nu: &[T; V]) -> Kinematics<N, V, T> {
-        let placed = place::<Static<N>, T, _>(self.model(), q);
-        let rates = rates::<Static<N>, T, _>(self.model(), &placed, nu);
-        Kinematics { placed, rates, nu: *nu }
+        let poses = body_poses::<Static<N>, T, _>(self.model(), q);
+        let rates = rates::<Static<N>, T, _>(self.model(), &poses, nu);
+        Kinematics { poses, rates, nu: *nu }
     }
 
     /// Pose of frame E in B: (`p_BE`, `R_BE`).
     #[inline]
     pub fn placement(&self, k: &Kinematics<N, V>, frame: FrameId) -> Placement {
-        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed, &k.rates);
+        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.poses, &k.rates);
         Placement {
             p: vector(p),
             r: matrix(&r),
@@ -190,7 +190,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     pub fn jacobian(&self, k: &Kinematics<N, V>, frame: FrameId) -> SMatrix<f64, 6, V> {
         let mut out = SMatrix::<f64, 6, V>::zeros();
         let frame = &self.frames[frame.0];
-        jacobian::jacobian::<f64, f64, false>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
+        jacobian::jacobian::<f64, f64, false>(self.model(), &k.poses, &k.rates, k.omega(), frame, out.as_mut_slice());
         out
     }
 
@@ -199,13 +199,13 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     pub fn jacobian_rate(&self, k: &Kinematics<N, V>, frame: FrameId) -> SMatrix<f64, 6, V> {
         let mut out = SMatrix::<f64, 6, V>::zeros();
         let frame = &self.frames[frame.0];
-        jacobian::jacobian::<f64, f64, true>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
+        jacobian::jacobian::<f64, f64, true>(self.model(), &k.poses, &k.rates, k.omega(), frame, out.as_mut_slice());
         out
     }
 
     /// Origin and axes of frame E in B over any scalar: (`p_BE`, columns of `R_BE`).
     pub fn placement_in<T: Real>(&self, k: &Kinematics<N, V, T>, frame: FrameId) -> ([T; 3], [[T; 3]; 3]) {
-        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed, &k.rates);
+        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.poses, &k.rates);
         (p.to_array(), r.c.map(V3::to_array))
     }
 
@@ -214,11 +214,11 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// Mass matrix M(q), motor inertia included (composite-rigid-body algorithm).
     #[inline]
     pub fn mass_matrix(&self, q: &SVector<f64, N>) -> SMatrix<f64, V, V> {
-        let placed = place::<Static<N>, f64, _>(self.model(), &q.data.0[0]);
+        let poses = body_poses::<Static<N>, f64, _>(self.model(), &q.data.0[0]);
         let mut m = SMatrix::<f64, V, V>::zeros();
         inertia::mass_and_coriolis::<Static<N>, f64, false>(
             self.model(),
-            &placed,
+            &poses,
             &[],
             V3::zero(),
             m.as_mut_slice(),
@@ -234,7 +234,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         let (mut m, mut c) = (SMatrix::<f64, V, V>::zeros(), SMatrix::<f64, V, V>::zeros());
         inertia::mass_and_coriolis::<Static<N>, f64, true>(
             self.model(),
-            &k.placed,
+            &k.poses,
             &k.rates,
             k.omega(),
             m.as_mut_slice(),
@@ -245,12 +245,12 @@ impl<const N: usize, const V: usize> Tree<N, V> {
 
     /// M over any scalar, column by column.
     pub fn mass_matrix_in<T: Real>(&self, q: &[T; N]) -> [[T; V]; V] {
-        let placed = place::<Static<N>, T, _>(self.model(), q);
+        let poses = body_poses::<Static<N>, T, _>(self.model(), q);
         let mut m = [[T::of(0.0); V]; V];
         let omega = V3::zero();
         inertia::mass_and_coriolis::<Static<N>, T, false>(
             self.model(),
-            &placed,
+            &poses,
             &[],
             omega,
             m.as_flattened_mut(),
@@ -384,7 +384,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// Mass, centre of mass and momentum, in B axes. On a fixed base B does not move.
     pub fn momentum(&self, k: &Kinematics<N, V>) -> Momentum {
         Momentum::of(
-            &momentum::sums(self.model(), &k.placed, &k.rates, &k.nu),
+            &momentum::sums(self.model(), &k.poses, &k.rates, &k.nu),
             self.model().base_part(&k.nu).1,
         )
     }
@@ -397,12 +397,12 @@ impl<const N: usize, const V: usize> Tree<N, V> {
 
     /// Kinetic energy ½ νᵀ M ν, motors included (J).
     pub fn kinetic_energy(&self, k: &Kinematics<N, V>) -> f64 {
-        momentum::sums(self.model(), &k.placed, &k.rates, &k.nu).energy_at(self.model().base_part(&k.nu).1)
+        momentum::sums(self.model(), &k.poses, &k.rates, &k.nu).energy_at(self.model().base_part(&k.nu).1)
     }
 
     /// [`momentum`](Self::momentum) and [`kinetic_energy`](Self::kinetic_energy) in one pass.
     pub fn momentum_and_energy(&self, k: &Kinematics<N, V>) -> (Momentum, f64) {
-        let sums = momentum::sums(self.model(), &k.placed, &k.rates, &k.nu);
+        let sums = momentum::sums(self.model(), &k.poses, &k.rates, &k.nu);
         let v = self.model().base_part(&k.nu).1;
         (Momentum::of(&sums, v), sums.energy_at(v))
     }

@@ -20,7 +20,7 @@ pub(crate) struct Slow {
 }
 
 #[derive(Clone)]
-struct Moving {
+struct BodyMotion {
     p: V,
     r: Matrix3<f64>,
     omega: V,
@@ -37,7 +37,7 @@ fn rotation(axis: &V, angle: f64) -> Matrix3<f64> {
 }
 
 /// The base, from the state.
-fn base(s: &DynState, dim: usize) -> Moving {
+fn base(s: &DynState, dim: usize) -> BodyMotion {
     let r = s.quat_nb.matrix();
     let b = |k: usize| V::new(s.nu[k], s.nu[k + 1], s.nu[k + 2]);
     let (omega, v) = (r * b(0), r * b(3));
@@ -47,7 +47,7 @@ fn base(s: &DynState, dim: usize) -> Moving {
         columns[3 + k].1 = r.column(k).into();
     }
     // with ν̇ = 0 the base's body-axes velocity is constant: its world acceleration is ω × v
-    Moving {
+    BodyMotion {
         p: s.p_nb,
         r,
         omega,
@@ -59,8 +59,8 @@ fn base(s: &DynState, dim: usize) -> Moving {
 }
 
 /// How every link moves, from the base outwards.
-fn motion(d: &Description, s: &DynState, dim: usize) -> Vec<Option<Moving>> {
-    let mut links: Vec<Option<Moving>> = vec![None; d.links.len()];
+fn motion(d: &Description, s: &DynState, dim: usize) -> Vec<Option<BodyMotion>> {
+    let mut links: Vec<Option<BodyMotion>> = vec![None; d.links.len()];
     let root = (0..d.links.len())
         .find(|&i| d.joints.iter().all(|j| j.child != i))
         .expect("a root");
@@ -102,7 +102,7 @@ fn motion(d: &Description, s: &DynState, dim: usize) -> Vec<Option<Moving>> {
         if j.kind != JointKind::Fixed {
             columns[6 + coordinate] = own;
         }
-        links[j.child] = Some(Moving {
+        links[j.child] = Some(BodyMotion {
             p: up.p + arm,
             r,
             omega,

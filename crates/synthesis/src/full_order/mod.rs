@@ -14,7 +14,7 @@ pub use regular::FullOrderError;
 
 use crate::linalg::{self, LinalgError, Matrix};
 use crate::state_space::StateSpace;
-use regular::{Parts, bisect, normalised, reference};
+use regular::{RegularProblem, bisect, normalised, reference};
 use riccati::riccati;
 
 /// The optimum γ of all linear controllers for `plant` (inputs [w; u], outputs [z; y]): no controller reaches less than the
@@ -39,8 +39,8 @@ pub fn full_order_optimum(
             return Err(FullOrderError::Infeasible(f64::INFINITY));
         }
     }
-    if let Some(parts) = Parts::new(&plant, controls, measurements)?
-        && let Some(found) = parts.search(tolerance)?
+    if let Some(problem) = RegularProblem::new(&plant, controls, measurements)?
+        && let Some(found) = problem.search(tolerance)?
     {
         return Ok(found);
     }

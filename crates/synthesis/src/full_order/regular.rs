@@ -99,7 +99,7 @@ fn project_out(d: &Matrix, m: &Matrix) -> Result<Option<Matrix>, LinalgError> {
 }
 
 /// A regular problem: D12 has full column rank, D21 full row rank.
-pub(super) struct Parts {
+pub(super) struct RegularProblem {
     plant: StateSpace,
     b1: Matrix,
     c1: Matrix,
@@ -112,7 +112,7 @@ pub(super) struct Parts {
     floor: f64,
 }
 
-impl Parts {
+impl RegularProblem {
     /// `None` for a plant without full effort weights or without full measurement noise.
     pub(super) fn new(p: &StateSpace, controls: usize, measurements: usize) -> Result<Option<Self>, LinalgError> {
         let n = p.states();

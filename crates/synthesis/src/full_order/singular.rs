@@ -9,7 +9,7 @@
 //!   from ε to 1/ε). A function that is stable and small on the half-plane is so on the disc (maximum modulus), and the zeros
 //!   of the boundary are outside. A zero on the boundary itself adds the gain that no controller can change there (Parrott).
 
-use super::regular::{FullOrderError, Parts, normalised};
+use super::regular::{FullOrderError, RegularProblem, normalised};
 use super::riccati::riccati;
 use crate::linalg::{self, CMatrix, LinalgError, Matrix, blocks};
 use crate::state_space::StateSpace;
@@ -26,8 +26,10 @@ pub(super) fn bracket(
     for exponent in 1..=7 {
         let epsilon = 10f64.powi(-exponent);
         let raised = augmented(plant, controls, measurements, epsilon);
-        if let Some(parts) = Parts::new(&normalised(&raised, controls, measurements), controls, measurements)? {
-            match parts.search(tolerance)? {
+        if let Some(problem) =
+            RegularProblem::new(&normalised(&raised, controls, measurements), controls, measurements)?
+        {
+            match problem.search(tolerance)? {
                 // The levels decrease with ε; an increase is rounding error.
                 Some((_, level)) if level < high => high = level,
                 Some(_) => {}
@@ -35,8 +37,9 @@ pub(super) fn bracket(
             }
         }
         if let Some(inside) = disc(plant, epsilon)
-            && let Some(parts) = Parts::new(&normalised(&inside, controls, measurements), controls, measurements)?
-            && let Some((level, _)) = parts.search(tolerance)?
+            && let Some(problem) =
+                RegularProblem::new(&normalised(&inside, controls, measurements), controls, measurements)?
+            && let Some((level, _)) = problem.search(tolerance)?
             && level < high
         {
             low = low.max(level);

@@ -4,11 +4,11 @@
 //! parameter is a trace and its Hessian a Gram matrix of real vectors: one real matrix product is the bulk of the work. A
 //! parameter is one entry of D or G, so its image is a sum of a few dyads of columns that are computed once.
 
-use super::scalings::{Centres, Parameter};
+use super::scalings::{Parameter, ScalingProblem};
 use super::structure::Block;
 use crate::linalg::{self, CMatrix, LinalgError, Matrix, c64};
 
-impl Centres<'_> {
+impl ScalingProblem<'_> {
     /// Potential at `x`: minus the logarithms of the determinants of the certificate and the barriers; `None` outside the domain.
     fn potential(&self, x: &[f64], level: f64) -> Option<f64> {
         let mut sum = log_det(&self.certificate(x, level))?;
@@ -19,7 +19,7 @@ impl Centres<'_> {
     }
 
     fn barrier_matrices(&self, x: &[f64]) -> Vec<CMatrix> {
-        let small = self.small(x);
+        let small = self.block_scalings(x);
         self.barriers()
             .iter()
             .map(|b| {
@@ -33,35 +33,37 @@ impl Centres<'_> {
     /// the centre was reached.
     pub(super) fn centre(&self, x: &mut Vec<f64>, level: f64, newton_steps: usize) -> Result<bool, LinalgError> {
         let n = self.parameters.len();
-        let trace: Vec<f64> = self.neutral();
+        let trace: Vec<f64> = self.identity();
         let barriers = self.barriers();
-        let places: Vec<(Block, usize, usize)> = self.structure.placed().collect();
+        let offsets: Vec<(Block, usize, usize)> = self.structure.blocks_with_offsets().collect();
         for _ in 0..newton_steps {
-            let Some(here) = self.potential(x, level) else {
+            let Some(current) = self.potential(x, level) else {
                 return Ok(false);
             };
             let Some(whiten) = inverse_factor(&self.certificate(x, level)) else {
                 return Ok(false);
             };
-            let little: Option<Vec<CMatrix>> = self.barrier_matrices(x).iter().map(inverse_factor).collect();
-            let Some(little) = little else { return Ok(false) };
+            let barrier_factors: Option<Vec<CMatrix>> = self.barrier_matrices(x).iter().map(inverse_factor).collect();
+            let Some(barrier_factors) = barrier_factors else {
+                return Ok(false);
+            };
             let size = whiten.nrows();
             let right = columns(&whiten);
             let left = columns(&(&whiten * linalg::adjoint(self.m)));
-            let little: Vec<Vec<Vec<c64>>> = little.iter().map(columns).collect();
+            let barrier_factors: Vec<Vec<Vec<c64>>> = barrier_factors.iter().map(columns).collect();
             let width = size * size + barriers.iter().map(|b| b.size * b.size).sum::<usize>();
             let mut rows = Matrix::zeros(width, n);
             let mut gradient = vec![0.0; n];
             for (k, p) in self.parameters.iter().enumerate() {
                 let column = rows.col_as_slice_mut(k);
                 let (head, mut tail) = column.split_at_mut(size * size);
-                gradient[k] -= store(&certificate_terms(p, places[p.block], level, &left, &right), head);
-                for (barrier, w) in barriers.iter().zip(&little) {
+                gradient[k] -= write_hermitian(&certificate_terms(p, offsets[p.block], level, &left, &right), head);
+                for (barrier, w) in barriers.iter().zip(&barrier_factors) {
                     let (own, rest) = tail.split_at_mut(barrier.size * barrier.size);
                     tail = rest;
                     let factor = if p.is_g { barrier.g } else { barrier.d };
                     if barrier.block == p.block && factor != 0.0 {
-                        gradient[k] -= store(&[entry(p, factor, &w[p.row], &w[p.column])], own);
+                        gradient[k] -= write_hermitian(&[parameter_dyad(p, factor, &w[p.row], &w[p.column])], own);
                     }
                 }
             }
@@ -89,7 +91,7 @@ impl Centres<'_> {
                 let trial: Vec<f64> = (0..n).map(|i| x[i] + t * step[(i, 0)]).collect();
                 if self
                     .potential(&trial, level)
-                    .is_some_and(|p| p <= here - 0.1 * t * decrement)
+                    .is_some_and(|p| p <= current - 0.1 * t * decrement)
                 {
                     *x = trial;
                     break;
@@ -115,7 +117,7 @@ impl Centres<'_> {
         };
         let z = linalg::adjoint(&whiten) * &whiten;
         let mut least = f64::INFINITY;
-        for (block, r, _) in self.structure.placed() {
+        for (block, r, _) in self.structure.blocks_with_offsets() {
             let rows = block.rows();
             least = least.min(match block {
                 Block::Full { .. } => (0..rows).map(|i| z[(r + i, r + i)].re).sum(),
@@ -125,7 +127,7 @@ impl Centres<'_> {
                 }
             });
         }
-        let trace: f64 = self.neutral().iter().zip(x).map(|(unit, value)| unit * value).sum();
+        let trace: f64 = self.identity().iter().zip(x).map(|(unit, value)| unit * value).sum();
         let sizes = z.nrows() + self.barriers().iter().map(|b| b.size).sum::<usize>();
         Ok((least > 0.0).then(|| sizes as f64 / (trace * least)))
     }
@@ -139,7 +141,7 @@ struct Dyad<'a> {
 }
 
 /// The unit of a parameter in entry (row, column) and its mirror, times `factor`, between columns x and y of the congruence.
-fn entry<'a>(p: &Parameter, factor: f64, x: &'a [c64], y: &'a [c64]) -> Dyad<'a> {
+fn parameter_dyad<'a>(p: &Parameter, factor: f64, x: &'a [c64], y: &'a [c64]) -> Dyad<'a> {
     let factor = if p.row == p.column { 0.5 * factor } else { factor };
     Dyad {
         factor: if p.real_part {
@@ -162,8 +164,8 @@ fn certificate_terms<'a>(
 ) -> Vec<Dyad<'a>> {
     match block {
         Block::Full { rows, columns } => {
-            let inputs = (0..rows).map(|i| entry(p, level, &right[r + i], &right[r + i]));
-            let outputs = (0..columns).map(|i| entry(p, -1.0, &left[c + i], &left[c + i]));
+            let inputs = (0..rows).map(|i| parameter_dyad(p, level, &right[r + i], &right[r + i]));
+            let outputs = (0..columns).map(|i| parameter_dyad(p, -1.0, &left[c + i], &left[c + i]));
             inputs.chain(outputs).collect()
         }
         _ if p.is_g => {
@@ -189,8 +191,8 @@ fn certificate_terms<'a>(
             terms
         }
         _ => vec![
-            entry(p, level, &right[r + p.row], &right[r + p.column]),
-            entry(p, -1.0, &left[c + p.row], &left[c + p.column]),
+            parameter_dyad(p, level, &right[r + p.row], &right[r + p.column]),
+            parameter_dyad(p, -1.0, &left[c + p.row], &left[c + p.column]),
         ],
     }
 }
@@ -202,7 +204,7 @@ fn columns(m: &CMatrix) -> Vec<Vec<c64>> {
 }
 
 /// Writes a Hermitian matrix as a real vector of the same inner product; returns its trace.
-fn store(terms: &[Dyad<'_>], out: &mut [f64]) -> f64 {
+fn write_hermitian(terms: &[Dyad<'_>], out: &mut [f64]) -> f64 {
     let n = terms.first().map_or(0, |t| t.x.len());
     let (mut at, mut trace) = (0, 0.0);
     for j in 0..n {

@@ -1,6 +1,6 @@
 //! Upper bounds of a margin: perturbations that place an eigenvalue of the closed loop on the imaginary axis.
 
-use super::lower::{lower_bound, mix, random_delta};
+use super::lower::{interpolate, lower_bound, random_delta};
 use super::options::{Destabilising, MarginOptions};
 use super::structure::{MuError, Structure};
 use crate::balance;
@@ -141,7 +141,7 @@ pub(super) fn destabilise(
 
 /// Conditional-gradient ascent of the spectral abscissa over Δ of unit norm, at the multiple k.
 fn climb_abscissa(m: &StateSpace, structure: &Structure, delta: &mut CMatrix, k: f64) -> Result<(), LinalgError> {
-    let mut here = rightmost(m, delta, k)?.re;
+    let mut current = rightmost(m, delta, k)?.re;
     for _ in 0..30 {
         let (a, b, c) = closed(m, delta, k);
         let n = a.nrows();
@@ -164,17 +164,17 @@ fn climb_abscissa(m: &StateSpace, structure: &Structure, delta: &mut CMatrix, k:
         {
             return Ok(());
         }
-        let towards = structure.aligned(&row, &column);
-        let mut moved = false;
+        let direction = structure.maximising_delta(&row, &column);
+        let mut improved_step = false;
         for t in [1.0, 0.5, 0.2, 0.05] {
-            let trial = mix(delta, &towards, t);
+            let trial = interpolate(delta, &direction, t);
             let value = rightmost(m, &trial, k)?.re;
-            if value > here + 1e-9 * here.abs() {
-                (*delta, here, moved) = (trial, value, true);
+            if value > current + 1e-9 * current.abs() {
+                (*delta, current, improved_step) = (trial, value, true);
                 break;
             }
         }
-        if !moved {
+        if !improved_step {
             return Ok(());
         }
     }

@@ -27,21 +27,22 @@ pub fn lower_bound(m: &CMatrix, structure: &Structure, starts: usize, seed: u64)
     for index in 0..starts.max(1) {
         let mut rng = Rng::new(seed, index as u64);
         let mut delta = random_delta(structure, &mut rng, index);
-        let Some((mut value, mut step)) = rise(m, structure, &delta)? else {
+        let Some((mut value, mut step)) = ascent_direction(m, structure, &delta)? else {
             continue;
         };
         for _ in 0..100 {
-            let mut moved = false;
+            let mut improved = false;
             for t in [1.0, 0.5, 0.2, 0.05, 0.01] {
-                let trial = mix(&delta, &step, t);
-                if let Some((trial_value, trial_step)) = rise(m, structure, &trial)?
+                let trial = interpolate(&delta, &step, t);
+                if let Some((trial_value, trial_step)) = ascent_direction(m, structure, &trial)?
                     && trial_value > value * (1.0 + 1e-12) + 1e-300
                 {
-                    (moved, delta, value, step) = (trial_value > value * (1.0 + 1e-10), trial, trial_value, trial_step);
+                    (improved, delta, value, step) =
+                        (trial_value > value * (1.0 + 1e-10), trial, trial_value, trial_step);
                     break;
                 }
             }
-            if !moved {
+            if !improved {
                 break;
             }
         }
@@ -54,14 +55,14 @@ pub fn lower_bound(m: &CMatrix, structure: &Structure, starts: usize, seed: u64)
     Ok(best)
 }
 
-pub(crate) fn mix(a: &CMatrix, b: &CMatrix, t: f64) -> CMatrix {
+pub(crate) fn interpolate(a: &CMatrix, b: &CMatrix, t: f64) -> CMatrix {
     CMatrix::from_fn(a.nrows(), a.ncols(), |i, j| a[(i, j)] * (1.0 - t) + b[(i, j)] * t)
 }
 
 /// A random member of the unit ball; the first ones are the corners with all signs equal.
 pub(crate) fn random_delta(structure: &Structure, rng: &mut Rng, index: usize) -> CMatrix {
     let sign = if index == 1 { -1.0 } else { 1.0 };
-    let mut draw = |n: usize| -> Vec<c64> {
+    let mut random_vector = |n: usize| -> Vec<c64> {
         (0..n)
             .map(|_| {
                 if index < 2 {
@@ -72,10 +73,10 @@ pub(crate) fn random_delta(structure: &Structure, rng: &mut Rng, index: usize) -
             })
             .collect()
     };
-    let (row, column) = (draw(structure.rows()), draw(structure.columns()));
-    let mut delta = structure.aligned(&row, &column);
+    let (row, column) = (random_vector(structure.rows()), random_vector(structure.columns()));
+    let mut delta = structure.maximising_delta(&row, &column);
     if index < 2 {
-        for (block, r, c) in structure.placed() {
+        for (block, r, c) in structure.blocks_with_offsets() {
             if !matches!(block, Block::Full { .. }) {
                 (0..block.rows()).for_each(|i| delta[(r + i, c + i)] = c64::new(sign, 0.0));
             }
@@ -85,7 +86,11 @@ pub(crate) fn random_delta(structure: &Structure, rng: &mut Rng, index: usize) -
 }
 
 /// The eigenvalue of MΔ of largest real part, and the Δ of unit norm that would raise it most.
-fn rise(m: &CMatrix, structure: &Structure, delta: &CMatrix) -> Result<Option<(f64, CMatrix)>, LinalgError> {
+fn ascent_direction(
+    m: &CMatrix,
+    structure: &Structure,
+    delta: &CMatrix,
+) -> Result<Option<(f64, CMatrix)>, LinalgError> {
     let product = m * delta;
     let n = product.nrows();
     let (values, right) = linalg::eigen_complex(&product)?;
@@ -106,7 +111,7 @@ fn rise(m: &CMatrix, structure: &Structure, delta: &CMatrix) -> Result<Option<(f
     {
         return Ok(None);
     }
-    Ok(Some((values[at].re, structure.aligned(&row, &column))))
+    Ok(Some((values[at].re, structure.maximising_delta(&row, &column))))
 }
 
 /// Scales Δ, and rotates the phase of its complex blocks together, until `I − MΔ` is exactly singular.
@@ -126,8 +131,8 @@ fn make_singular(m: &CMatrix, structure: &Structure, delta: &CMatrix) -> Result<
                 }
                 rotate(&mut candidate, structure, -eigenvalue.arg());
                 let again = linalg::eigenvalues_complex(&(m * &candidate))?;
-                let turned = eigenvalue * c64::new(0.0, -eigenvalue.arg()).exp();
-                let near = |x: &c64| (x - turned).norm();
+                let rotated_eigenvalue = eigenvalue * c64::new(0.0, -eigenvalue.arg()).exp();
+                let near = |x: &c64| (x - rotated_eigenvalue).norm();
                 eigenvalue = again
                     .into_iter()
                     .min_by(|a, b| near(a).total_cmp(&near(b)))
@@ -157,7 +162,7 @@ fn make_singular(m: &CMatrix, structure: &Structure, delta: &CMatrix) -> Result<
 
 fn rotate(delta: &mut CMatrix, structure: &Structure, angle: f64) {
     let factor = c64::new(0.0, angle).exp();
-    for (block, r, c) in structure.placed() {
+    for (block, r, c) in structure.blocks_with_offsets() {
         if matches!(block, Block::Real(_)) {
             continue;
         }

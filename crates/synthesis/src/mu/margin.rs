@@ -8,8 +8,8 @@
 //! Lower bound: a perturbation that places an eigenvalue of the closed loop on the imaginary axis, found by ascent on the
 //! spectral abscissa or on μ at the peak, and returned so that the caller can verify it.
 
-use super::cover::{STEEPEST, cover};
 use super::destabilise::destabilise;
+use super::interval_certificate::{G_LIMIT, certify_axis};
 use super::options::{Destabilising, MarginOptions};
 use super::scalings::bound_until;
 use super::structure::{MuError, Structure};
@@ -40,7 +40,7 @@ pub struct Margin {
 /// An unstable M, blocks that do not fit, an axis that could not be covered within the limit.
 pub fn margin(m: &StateSpace, structure: &Structure, options: &MarginOptions) -> Result<Margin, MuError> {
     structure.check(m.outputs(), m.inputs())?;
-    let m = crate::reduce::on_path(m).balanced();
+    let m = crate::reduce::without_unconnected_states(m).balanced();
     let poles = m.poles()?;
     let abscissa = poles.iter().map(|p| p.re).fold(f64::NEG_INFINITY, f64::max);
     if abscissa >= 0.0 {
@@ -79,16 +79,16 @@ pub fn margin(m: &StateSpace, structure: &Structure, options: &MarginOptions) ->
         curve.push((p.omega, value));
         curve.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
-    let covered = cover(&m, structure, options, peak, critical)?;
-    if covered.critical != critical && perturbation.as_ref().is_none_or(|p| p.size * covered.level > 1.03) {
-        let again = destabilise(&m, structure, options, covered.critical, covered.level)?;
+    let certified = certify_axis(&m, structure, options, peak, critical)?;
+    if certified.critical != critical && perturbation.as_ref().is_none_or(|p| p.size * certified.level > 1.03) {
+        let again = destabilise(&m, structure, options, certified.critical, certified.level)?;
         if again.as_ref().map_or(f64::INFINITY, |p| p.size) < perturbation.as_ref().map_or(f64::INFINITY, |p| p.size) {
             perturbation = again;
         }
     }
     let destabilising = perturbation.as_ref().map_or(f64::INFINITY, |p| p.size);
-    let guaranteed = if covered.level > 0.0 {
-        1.0 / covered.level
+    let guaranteed = if certified.level > 0.0 {
+        1.0 / certified.level
     } else {
         f64::INFINITY
     };
@@ -102,16 +102,16 @@ pub fn margin(m: &StateSpace, structure: &Structure, options: &MarginOptions) ->
         guaranteed,
         destabilising,
         perturbation,
-        critical: covered.critical,
+        critical: certified.critical,
         curve,
-        intervals: covered.intervals,
+        intervals: certified.intervals,
     })
 }
 
 /// The upper bound at one frequency, with G limited as in the certificates, so that the curve shows spikes with their flanks.
 fn bound_at(m: &StateSpace, structure: &Structure, omega: f64, tolerance: f64, enough: f64) -> Result<f64, MuError> {
-    let steepest = STEEPEST * norm::gain_at(m, omega)?.max(f64::MIN_POSITIVE);
-    Ok(bound_until(&m.at(omega), structure, tolerance, enough, Some(steepest))?.value)
+    let g_limit = G_LIMIT * norm::gain_at(m, omega)?.max(f64::MIN_POSITIVE);
+    Ok(bound_until(&m.at(omega), structure, tolerance, enough, Some(g_limit))?.value)
 }
 
 fn top(curve: &[(f64, f64)]) -> (f64, f64) {

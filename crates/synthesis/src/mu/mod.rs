@@ -5,8 +5,8 @@
 //! exhibits a perturbation. [`margin`] does both for a closed loop and all frequencies.
 
 mod centre;
-mod cover;
 mod destabilise;
+mod interval_certificate;
 mod lower;
 mod margin;
 mod options;

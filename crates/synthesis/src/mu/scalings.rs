@@ -39,14 +39,14 @@ pub(super) struct Parameter {
 }
 
 /// The convex problem at one matrix, in the free numbers of D and G.
-pub(super) struct Centres<'a> {
+pub(super) struct ScalingProblem<'a> {
     pub(super) structure: &'a Structure,
     pub(super) m: &'a CMatrix,
     pub(super) parameters: Vec<Parameter>,
     /// Size of the D of every block.
     sizes: Vec<usize>,
     /// If given, G is kept between ± this many times D.
-    steepest: Option<f64>,
+    g_limit: Option<f64>,
 }
 
 /// One positive definite matrix of a block that the barrier keeps so: `d D + g G`.
@@ -57,8 +57,8 @@ pub(super) struct Barrier {
     pub(super) g: f64,
 }
 
-impl<'a> Centres<'a> {
-    pub(super) fn new(structure: &'a Structure, m: &'a CMatrix, steepest: Option<f64>) -> Self {
+impl<'a> ScalingProblem<'a> {
+    pub(super) fn new(structure: &'a Structure, m: &'a CMatrix, g_limit: Option<f64>) -> Self {
         let mut parameters = Vec::new();
         let mut sizes = Vec::new();
         for (block, b) in structure.blocks().iter().enumerate() {
@@ -98,7 +98,7 @@ impl<'a> Centres<'a> {
             m,
             parameters,
             sizes,
-            steepest,
+            g_limit,
         }
     }
 
@@ -107,7 +107,7 @@ impl<'a> Centres<'a> {
     pub(super) fn barriers(&self) -> Vec<Barrier> {
         let mut out = Vec::new();
         for (block, (b, &size)) in self.structure.blocks().iter().zip(&self.sizes).enumerate() {
-            match self.steepest {
+            match self.g_limit {
                 Some(limit) if matches!(b, Block::Real(_)) => {
                     out.extend([1.0, -1.0].map(|g| Barrier {
                         block,
@@ -128,7 +128,7 @@ impl<'a> Centres<'a> {
     }
 
     /// D = I, G = 0.
-    pub(super) fn neutral(&self) -> Vec<f64> {
+    pub(super) fn identity(&self) -> Vec<f64> {
         self.parameters
             .iter()
             .map(|p| f64::from(u8::from(!p.is_g && p.row == p.column)))
@@ -136,7 +136,7 @@ impl<'a> Centres<'a> {
     }
 
     /// The small Hermitian matrices (D, G) of every block.
-    pub(super) fn small(&self, x: &[f64]) -> Vec<(CMatrix, CMatrix)> {
+    pub(super) fn block_scalings(&self, x: &[f64]) -> Vec<(CMatrix, CMatrix)> {
         let mut out: Vec<_> = self
             .sizes
             .iter()
@@ -168,7 +168,7 @@ impl<'a> Centres<'a> {
             d_right: CMatrix::zeros(rows, rows),
             g: CMatrix::zeros(rows, columns),
         };
-        for ((block, r, c), (d, g)) in self.structure.placed().zip(self.small(x)) {
+        for ((block, r, c), (d, g)) in self.structure.blocks_with_offsets().zip(self.block_scalings(x)) {
             match block {
                 Block::Real(n) | Block::Complex(n) => {
                     for i in 0..n {
@@ -198,7 +198,7 @@ impl<'a> Centres<'a> {
     }
 
     /// The least β² that the scalings at `x` prove; may be negative, and then no Δ of any size is singular here.
-    pub(super) fn proved(&self, x: &[f64]) -> Result<f64, LinalgError> {
+    pub(super) fn proved_level(&self, x: &[f64]) -> Result<f64, LinalgError> {
         let s = self.scalings(x);
         let image = self.image(&s);
         // Generalised eigenvalue: with D = L Lᴴ, the largest eigenvalue of L⁻¹ image L⁻ᴴ.
@@ -226,7 +226,7 @@ impl<'a> Centres<'a> {
 }
 
 /// Whether `level² D − Mᴴ D M − j (G M − Mᴴ G)` is positive definite at this matrix.
-pub(super) fn holds(m: &CMatrix, s: &Scalings, level: f64) -> Result<bool, LinalgError> {
+pub(super) fn certificate_holds(m: &CMatrix, s: &Scalings, level: f64) -> Result<bool, LinalgError> {
     let gm = &s.g * m;
     let dm = linalg::adjoint(m) * (&s.d_left * m);
     let f = CMatrix::from_fn(dm.nrows(), dm.ncols(), |i, k| {
@@ -249,7 +249,7 @@ pub fn upper_bound(m: &CMatrix, structure: &Structure, tolerance: f64) -> Result
     // At the least value the certificate is singular, and its sign is decided by rounding. The returned value is one at which the
     // certificate, as evaluated, holds.
     let mut raised = 1e-12;
-    while bound.value > 0.0 && raised < 1e-7 && !holds(m, &bound.scalings, bound.value)? {
+    while bound.value > 0.0 && raised < 1e-7 && !certificate_holds(m, &bound.scalings, bound.value)? {
         bound.value *= 1.0 + raised;
         raised *= 2.0;
     }
@@ -257,26 +257,26 @@ pub fn upper_bound(m: &CMatrix, structure: &Structure, tolerance: f64) -> Result
 }
 
 /// As [`upper_bound`], but any proof of `enough` or less suffices, which is also the level at which the returned scalings are then
-/// centred; `steepest` keeps G between ± that many times D.
+/// centred; `g_limit` keeps G between ± that many times D.
 pub(super) fn bound_until(
     m: &CMatrix,
     structure: &Structure,
     tolerance: f64,
     enough: f64,
-    steepest: Option<f64>,
+    g_limit: Option<f64>,
 ) -> Result<UpperBound, MuError> {
     structure.check(m.nrows(), m.ncols())?;
     let size = linalg::singular_values(m)?[0];
-    let centres = Centres::new(structure, m, steepest);
-    let mut x = centres.neutral();
+    let problem = ScalingProblem::new(structure, m, g_limit);
+    let mut x = problem.identity();
     if size == 0.0 {
         return Ok(UpperBound {
             value: 0.0,
-            scalings: centres.scalings(&x),
+            scalings: problem.scalings(&x),
         });
     }
     let floor = (1e-9 * size).powi(2);
-    let mut proved = centres.proved(&x)?;
+    let mut proved = problem.proved_level(&x)?;
     let mut best = (proved, x.clone());
     let mut level = proved.max(floor) * 1.5;
     let target = if enough > 0.0 {
@@ -291,16 +291,16 @@ pub(super) fn bound_until(
         if best.0 < target {
             // `enough` is proved. The centre for that level has the most slack, which an interval needs.
             x.clone_from(&best.1);
-            centres.centre(&mut x, target, 30)?;
-            let value = centres.proved(&x)?;
+            problem.centre(&mut x, target, 30)?;
+            let value = problem.proved_level(&x)?;
             if value < target {
                 best = (value, x);
             }
             break;
         }
-        let centred = centres.centre(&mut x, level, 20)?;
+        let centred = problem.centre(&mut x, level, 20)?;
         let before = proved;
-        proved = centres.proved(&x)?;
+        proved = problem.proved_level(&x)?;
         if proved < best.0 {
             best = (proved, x.clone());
         }
@@ -309,7 +309,7 @@ pub(super) fn bound_until(
         }
         if centred {
             let enough = tolerance * best.0;
-            let gap = centres.gap(&x, level)?.unwrap_or(f64::INFINITY);
+            let gap = problem.gap(&x, level)?.unwrap_or(f64::INFINITY);
             // Blocks that do not matter at the optimum leave the dual bound loose; there the slack itself is the measure.
             if best.0 - (level - gap) <= enough || level - proved <= 0.1 * enough / certain {
                 break;
@@ -327,6 +327,6 @@ pub(super) fn bound_until(
     let value = if best.0 <= floor { 0.0 } else { best.0.sqrt() };
     Ok(UpperBound {
         value,
-        scalings: centres.scalings(&best.1),
+        scalings: problem.scalings(&best.1),
     })
 }

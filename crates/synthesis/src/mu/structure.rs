@@ -133,7 +133,7 @@ impl Structure {
     }
 
     /// Every block with the first row and column it occupies in Δ.
-    pub(crate) fn placed(&self) -> impl Iterator<Item = (Block, usize, usize)> + '_ {
+    pub(crate) fn blocks_with_offsets(&self) -> impl Iterator<Item = (Block, usize, usize)> + '_ {
         let (mut row, mut column) = (0, 0);
         self.blocks.iter().map(move |b| {
             let at = (*b, row, column);
@@ -159,9 +159,9 @@ impl Structure {
     }
 
     /// The Δ of unit norm in this structure that maximises `Re(row · Δ · column)`.
-    pub(crate) fn aligned(&self, row: &[c64], column: &[c64]) -> CMatrix {
+    pub(crate) fn maximising_delta(&self, row: &[c64], column: &[c64]) -> CMatrix {
         let mut delta = CMatrix::zeros(self.rows(), self.columns());
-        for (block, r, c) in self.placed() {
+        for (block, r, c) in self.blocks_with_offsets() {
             match block {
                 Block::Real(n) | Block::Complex(n) => {
                     let inner: c64 = (0..n).map(|i| row[r + i] * column[c + i]).sum();
@@ -197,7 +197,7 @@ impl Structure {
     /// The largest norm of the blocks of a Δ of this structure.
     pub fn norm(&self, delta: &CMatrix) -> Result<f64, LinalgError> {
         let mut largest = 0.0f64;
-        for (block, r, c) in self.placed() {
+        for (block, r, c) in self.blocks_with_offsets() {
             let part = CMatrix::from_fn(block.rows(), block.columns(), |i, j| delta[(r + i, c + j)]);
             largest = largest.max(linalg::singular_values(&part)?[0]);
         }
@@ -210,7 +210,7 @@ impl Structure {
             return false;
         }
         let mut inside = CMatrix::zeros(self.rows(), self.columns());
-        for (block, r, c) in self.placed() {
+        for (block, r, c) in self.blocks_with_offsets() {
             for i in 0..block.rows() {
                 for j in 0..block.columns() {
                     inside[(r + i, c + j)] = match block {

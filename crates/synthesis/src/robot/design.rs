@@ -4,19 +4,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Deserialize, Serialize};
 
-use super::body::{Robot, RobotError};
+use super::linearise::{Robot, RobotError};
 use super::plant::{Gains, generalised_plant, problem};
 use super::spec::{ModelSpec, Spec};
 use super::validate::{ValidateError, Validation, adversary, validate};
 use crate::full_order::{FullOrderError, full_order_optimum};
 use crate::linalg::{self, Matrix};
-use crate::tuner::{Evaluation, Flow, Options, Problem, Progress, Tuned, evaluate, tune};
+use crate::tuner::{Evaluation, Options, Problem, SearchControl, Tuned, TuningProgress, evaluate, tune};
 
 /// Stage of the procedure.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Step {
     /// Tuning.
-    Tune(Progress),
+    Tune(TuningProgress),
     /// Validating; samples done.
     Validate(usize),
     /// The adversary added models, the worst with this gamma.
@@ -99,31 +99,31 @@ pub fn design(
     spec: &Spec,
     robot: &Robot,
     threads: usize,
-    watch: &(dyn Fn(Step) -> Flow + Sync),
+    watch: &(dyn Fn(Step) -> SearchControl + Sync),
 ) -> Result<Design, ValidateError> {
-    let full = options(spec, threads);
-    let again = Options {
+    let first_tuning = options(spec, threads);
+    let retuning = Options {
         starts: 1,
-        ..full.clone()
+        ..first_tuning.clone()
     };
-    let brief = Options {
-        iterations: BRIEF,
-        finishing: BRIEF / 4,
+    let short_tuning = Options {
+        iterations: SHORT_TUNING_ITERATIONS,
+        finishing: SHORT_TUNING_ITERATIONS / 4,
         rounds: 1,
         certify: false,
-        ..again.clone()
+        ..retuning.clone()
     };
     let order = spec.sampling.pade_order_tuning;
     let mut added: Vec<ModelSpec> = Vec::new();
     let mut rounds: Vec<Round> = Vec::new();
     let mut start: Option<Gains> = None;
-    let mut to_the_end = true;
+    let mut to_convergence = true;
     loop {
         let problem_now = problem(spec, robot, &added, order, start.as_ref())?;
-        let options = match (&start, to_the_end) {
-            (None, _) => &full,
-            (Some(_), true) => &again,
-            (Some(_), false) => &brief,
+        let options = match (&start, to_convergence) {
+            (None, _) => &first_tuning,
+            (Some(_), true) => &retuning,
+            (Some(_), false) => &short_tuning,
         };
         let tuned = tune(&problem_now, options, &|p| watch(Step::Tune(p)))?;
         let gains = to_gains(spec, &tuned.gains);
@@ -135,7 +135,7 @@ pub fn design(
         let stopped = AtomicBool::new(tuned.stopped);
         let validation = if spec.validation.samples > 0 && !tuned.stopped {
             Some(validate(spec, robot, &gains, threads, &|done| {
-                if watch(Step::Validate(done)) == Flow::Stop {
+                if watch(Step::Validate(done)) == SearchControl::Stop {
                     stopped.store(true, Ordering::Relaxed);
                 }
             })?)
@@ -148,14 +148,14 @@ pub fn design(
         rounds.push(round);
         let passed = validation.as_ref().is_none_or(Validation::passed);
         let exhausted = added.len() >= spec.validation.rounds * spec.validation.added;
-        if !stopped.into_inner() && !(to_the_end && (passed || exhausted)) {
+        if !stopped.into_inner() && !(to_convergence && (passed || exhausted)) {
             if passed || exhausted {
-                to_the_end = true;
+                to_convergence = true;
             } else {
                 let found = adversary(spec, robot, &gains, added.len() / spec.validation.added, threads)?;
                 watch(Step::Adversary(found.first().map_or(0.0, |worst| worst.gamma)));
                 added.extend(found.into_iter().map(|sample| sample.model));
-                to_the_end = false;
+                to_convergence = false;
             }
             start = Some(gains);
             continue;
@@ -177,7 +177,7 @@ pub fn design(
 }
 
 /// BFGS iterations between two rounds of the adversary.
-const BRIEF: usize = 60;
+const SHORT_TUNING_ITERATIONS: usize = 60;
 
 /// The norms of given gains on the models of a specification and an adversary's, at the reporting order.
 ///
@@ -217,7 +217,7 @@ pub fn tracking_optimum(spec: &Spec, robot: &Robot, model: &ModelSpec) -> Result
     let mut plain = spec.clone();
     plain.gains.integral = false;
     plain.weights.load = None;
-    let body = robot.body(model)?;
+    let body = robot.linearise(model)?;
     let mut p = generalised_plant(&plain, &body, model, spec.sampling.pade_order_tuning)?;
     for i in 0..p.states() {
         for j in n..2 * n {

@@ -29,7 +29,7 @@ pub struct GainsFile {
     pub sampled: Vec<SampledEntry>,
     /// Closed-loop runs in the non-linear simulator.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub flown: Vec<FlownEntry>,
+    pub flown: Vec<ClosedLoopEntry>,
     /// The full-order optimum of the tracking channel of every model, including the adversary's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub full_order: Vec<OptimumEntry>,
@@ -107,7 +107,7 @@ pub struct GainTable {
 
 /// Gains that cannot be the K_S of a conditional integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum NoSlidingGain {
+pub enum SlidingGainError {
     /// They have an integral part.
     #[error("were tuned with an integral part; K_S is tuned without one (gains.integral = false)")]
     Integral,
@@ -140,12 +140,12 @@ impl GainTable {
     ///
     /// # Errors
     /// Gains with an integral part, or scheduled gains.
-    pub fn take_sliding_gain(&mut self, proportional: &GainTable) -> Result<(), NoSlidingGain> {
+    pub fn take_sliding_gain(&mut self, proportional: &GainTable) -> Result<(), SlidingGainError> {
         if !proportional.ki.is_empty() {
-            return Err(NoSlidingGain::Integral);
+            return Err(SlidingGainError::Integral);
         }
         if proportional.structure == GainStructure::Scheduled {
-            return Err(NoSlidingGain::Scheduled);
+            return Err(SlidingGainError::Scheduled);
         }
         self.ks.clone_from(&proportional.kp);
         self.ks_matrix.clone_from(&proportional.kp_matrix);
@@ -215,7 +215,7 @@ pub struct SampledEntry {
 
 /// One closed-loop run in the non-linear simulator, with the linear analysis of the same loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FlownEntry {
+pub struct ClosedLoopEntry {
     /// Model that gave the configuration of the run; masses are nominal.
     pub model: String,
     /// Delay of the measurement, and of the command, s.
@@ -228,7 +228,7 @@ pub struct FlownEntry {
     pub saturated_fraction: f64,
 }
 
-impl FlownEntry {
+impl ClosedLoopEntry {
     /// Whether the simulator contradicts the linear analysis: the analysis predicts stability and the run did not settle.
     pub fn contradicts(&self) -> bool {
         self.spectral_radius < 1.0 && !self.settled

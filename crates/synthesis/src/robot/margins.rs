@@ -1,6 +1,6 @@
 //! Robustness margins of the tuned gains: the uncertain loops for structured-singular-value analysis.
 
-use super::body::{Robot, RobotError};
+use super::linearise::{Robot, RobotError};
 use super::plant::{Gains, actuation};
 use super::spec::{ModelSpec, Spec};
 use crate::interconnect::append;
@@ -41,7 +41,7 @@ struct Loop {
 }
 
 fn close(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<Loop, RobotError> {
-    let body = robot.body(model)?;
+    let body = robot.linearise(model)?;
     let (n, nv) = (body.channels, body.a.nrows());
     let act = actuation(spec, model, n, spec.sampling.pade_order_reporting)?;
     let kp = gains.proportional(&body.mass)?;

@@ -11,7 +11,7 @@
 //! r̂ represents both a change of the reference and measurement noise: both enter the error. V, F and D are the sizes of
 //! velocity, force and disturbance. Channel "tracking" leads from r̂ to (z₁, z₂), channel "load" from d̂ to z₃.
 
-use super::body::{Body, Robot, RobotError};
+use super::linearise::{Body, Robot, RobotError};
 use super::spec::{GainStructure, LoadSpec, ModelSpec, Spec};
 use crate::delay::pade;
 use crate::interconnect::{append, series};
@@ -215,7 +215,7 @@ pub fn problem(
     }
     let mut models = Vec::new();
     for model in spec.models.iter().chain(extra) {
-        let body = robot.body(model)?;
+        let body = robot.linearise(model)?;
         let plant = generalised_plant(spec, &body, model, order)?;
         let measurements = if g.integral { 2 * n } else { n };
         let mut channels = vec![Channel {

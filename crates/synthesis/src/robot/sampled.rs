@@ -3,14 +3,14 @@
 //! Over one controller period the whole loop is a linear map of its state (velocities, actuator lags, samples in transit,
 //! integrators). Its spectral radius decides stability exactly, without a Padé approximant or an approximation of the hold.
 
-use super::body::{Body, Robot, RobotError};
+use super::linearise::{Body, Robot, RobotError};
 use super::plant::Gains;
 use super::spec::{ModelSpec, SamplingSpec, Spec};
 use crate::linalg::{self, Matrix};
 
 /// Stability results of the sampled loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sampled {
+pub struct SampledStability {
     /// Spectral radius of the map over one controller period; stable below one.
     pub spectral_radius: f64,
     /// Largest factor on all gains at once for which the loop is stable (searched up to 1000); zero when unstable.
@@ -94,22 +94,22 @@ impl Tick {
 /// however fine the ticks.
 fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, actuator: usize) -> Matrix {
     let (n, s) = (t.channels, t.states);
-    // A reading for period k is taken at tick `phase` of an earlier period and waits in `waiting` slots.
+    // A reading for period k is taken at tick `phase` of an earlier period and waits in `readings_in_transit` slots.
     let phase = (period - sensor % period) % period;
-    let waiting = sensor / period + usize::from(phase > 0);
-    // Until tick `turn` of a period the command before the due one is still applied.
-    let (due, turn) = (actuator / period, actuator % period);
-    let pending = due + usize::from(turn > 0);
+    let readings_in_transit = sensor / period + usize::from(phase > 0);
+    // Until tick `switch_tick` of a period the command before the due one is still applied.
+    let (due, switch_tick) = (actuator / period, actuator % period);
+    let commands_in_transit = due + usize::from(switch_tick > 0);
     let at_y = s;
-    let at_u = at_y + n * waiting;
-    let at_i = at_u + n * pending;
+    let at_u = at_y + n * readings_in_transit;
+    let at_i = at_u + n * commands_in_transit;
     let integrators = ki.ncols();
     let length = at_i + integrators;
     let mut x = Matrix::identity(length, length);
     let rows = |x: &Matrix, first: usize, count: usize| linalg::sub(x, first, 0, count, length);
     let store_reading = |x: &mut Matrix| {
-        if waiting > 0 {
-            let (kept, now) = (rows(x, at_y, n * (waiting - 1)), rows(x, 0, n));
+        if readings_in_transit > 0 {
+            let (kept, now) = (rows(x, at_y, n * (readings_in_transit - 1)), rows(x, 0, n));
             linalg::put(x, at_y + n, 0, kept.as_ref());
             linalg::put(x, at_y, 0, now.as_ref());
         }
@@ -117,29 +117,29 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, a
     let mut commands = Vec::new();
     for tick in 0..period {
         if tick == 0 {
-            let seen = if waiting == 0 {
+            let reading = if readings_in_transit == 0 {
                 rows(&x, 0, n)
             } else {
-                rows(&x, at_y + n * (waiting - 1), n)
+                rows(&x, at_y + n * (readings_in_transit - 1), n)
             };
-            let mut command = kp * &seen * faer::Scale(-1.0);
+            let mut command = kp * &reading * faer::Scale(-1.0);
             if integrators > 0 {
                 // c = σ + T y with y = −v; u gains K_I c, and σ becomes c.
-                let sigma = rows(&x, at_i, n) - &seen * faer::Scale(period as f64);
+                let sigma = rows(&x, at_i, n) - &reading * faer::Scale(period as f64);
                 command += ki * &sigma;
                 linalg::put(&mut x, at_i, 0, sigma.as_ref());
             }
             commands.push(command);
-            commands.extend((0..pending).map(|k| rows(&x, at_u + n * k, n)));
+            commands.extend((0..commands_in_transit).map(|k| rows(&x, at_u + n * k, n)));
         }
         if tick == phase {
             store_reading(&mut x);
         }
-        let applied = &commands[if tick < turn { due + 1 } else { due }];
+        let applied = &commands[if tick < switch_tick { due + 1 } else { due }];
         let next = &t.transition * rows(&x, 0, s) + &t.input * applied;
         linalg::put(&mut x, 0, 0, next.as_ref());
     }
-    for (k, command) in commands.iter().take(pending).enumerate() {
+    for (k, command) in commands.iter().take(commands_in_transit).enumerate() {
         linalg::put(&mut x, at_u + n * k, 0, command.as_ref());
     }
     x
@@ -201,10 +201,10 @@ impl SampledLoop {
     /// # Errors
     /// Eigenvalues that cannot be computed.
     pub fn radius(&self, factor: f64, extra_delay_s: f64) -> Result<f64, RobotError> {
-        self.radius_late(factor, ticks(extra_delay_s, self.tick_s))
+        self.radius_with_extra_ticks(factor, ticks(extra_delay_s, self.tick_s))
     }
 
-    fn radius_late(&self, factor: f64, extra: usize) -> Result<f64, RobotError> {
+    fn radius_with_extra_ticks(&self, factor: f64, extra: usize) -> Result<f64, RobotError> {
         let by = faer::Scale(factor);
         radius(&monodromy(
             &self.tick,
@@ -223,8 +223,8 @@ impl SampledLoop {
     }
 }
 
-fn setup(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<SampledLoop, RobotError> {
-    let body = robot.body(model)?;
+fn sampled_loop(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<SampledLoop, RobotError> {
+    let body = robot.linearise(model)?;
     let mut timing = LoopTiming::new(&spec.sampling, body.channels);
     timing.command_delay_s += model.extra_delay_s;
     let ki = match gains.ki.len() {
@@ -239,22 +239,22 @@ fn setup(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
 /// # Errors
 /// As [`sampled`].
 pub fn spectral_radius(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<f64, RobotError> {
-    setup(spec, robot, model, gains)?.radius_late(1.0, 0)
+    sampled_loop(spec, robot, model, gains)?.radius_with_extra_ticks(1.0, 0)
 }
 
 /// The exact stability of the sampled loop in one situation.
 ///
 /// # Errors
 /// Periods that are not multiples of each other, an impossible situation.
-pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<Sampled, RobotError> {
+pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<SampledStability, RobotError> {
     let s = &spec.sampling;
-    let setup = setup(spec, robot, model, gains)?;
-    let period = setup.period;
-    let at = |factor: f64, extra: usize| setup.radius_late(factor, extra);
+    let sampled = sampled_loop(spec, robot, model, gains)?;
+    let period = sampled.period;
+    let at = |factor: f64, extra: usize| sampled.radius_with_extra_ticks(factor, extra);
     let spectral_radius = at(1.0, 0)?;
     let stable = SampledLoop::is_stable;
     if !stable(spectral_radius) {
-        return Ok(Sampled {
+        return Ok(SampledStability {
             spectral_radius,
             gain_margin_up: 0.0,
             gain_margin_down: 0.0,
@@ -305,7 +305,7 @@ pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> 
             high = middle
         }
     }
-    Ok(Sampled {
+    Ok(SampledStability {
         spectral_radius,
         gain_margin_up,
         gain_margin_down,

@@ -32,14 +32,14 @@ pub struct Spec {
     pub validation: ValidationSpec,
     /// Closed-loop runs in the non-linear simulator; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub flight: Option<FlightSpec>,
+    pub flight: Option<ClosedLoopSpec>,
 }
 
 /// Closed-loop runs of the tuned gains in a scenario, over the configurations of the models and some delays. The scenario's own
 /// criteria decide whether a run passes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct FlightSpec {
+pub struct ClosedLoopSpec {
     /// The scenario, a file.
     pub scenario: String,
     /// Delays, s: each value is written to all of `delay_keys`.

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::body::{Robot, RobotError};
+use super::linearise::{Robot, RobotError};
 use super::plant::{Gains, problem};
 use super::sampled::sampled;
 use super::spec::{ModelSpec, Spec};
@@ -28,7 +28,7 @@ impl Sample {
     }
 
     /// Ranking: unstable samples by spectral radius, the others by gamma.
-    fn badness(&self) -> f64 {
+    fn severity(&self) -> f64 {
         if self.stable() {
             self.gamma
         } else {
@@ -95,7 +95,7 @@ pub enum ValidateError {
 }
 
 /// A random situation of the validation set.
-pub fn draw(spec: &Spec, index: u64) -> ModelSpec {
+pub fn random_situation(spec: &Spec, index: u64) -> ModelSpec {
     let v = &spec.validation;
     let mut rng = Rng::new(v.seed, index);
     let mut symmetric = |range: f64| range * (2.0 * rng.uniform() - 1.0);
@@ -144,13 +144,13 @@ pub fn validate(
     watch: &(dyn Fn(usize) + Sync),
 ) -> Result<Validation, ValidateError> {
     Ok(Validation {
-        samples: pool(spec, robot, gains, 0, threads, watch)?,
+        samples: evaluate_pool(spec, robot, gains, 0, threads, watch)?,
         limit: spec.validation.gamma,
     })
 }
 
 /// As many random situations as the validation set has, from index `first`, the worst first.
-fn pool(
+fn evaluate_pool(
     spec: &Spec,
     robot: &Robot,
     gains: &Gains,
@@ -160,13 +160,13 @@ fn pool(
 ) -> Result<Vec<Sample>, ValidateError> {
     let done = AtomicUsize::new(0);
     let assessed = parallel::map(spec.validation.samples, threads, |index| {
-        let model = draw(spec, first + index as u64);
+        let model = random_situation(spec, first + index as u64);
         let sample = assess(spec, robot, &model, gains, spec.sampling.pade_order_tuning);
         watch(done.fetch_add(1, Ordering::Relaxed) + 1);
         sample
     });
     let mut samples = assessed.into_iter().collect::<Result<Vec<_>, _>>()?;
-    samples.sort_by(|a, b| b.badness().total_cmp(&a.badness()));
+    samples.sort_by(|a, b| b.severity().total_cmp(&a.severity()));
     Ok(samples)
 }
 
@@ -182,15 +182,15 @@ pub fn adversary(
     round: usize,
     threads: usize,
 ) -> Result<Vec<Sample>, ValidateError> {
-    let found = pool(spec, robot, gains, (round as u64 + 1) << 32, threads, &|_| {})?;
+    let found = evaluate_pool(spec, robot, gains, (round as u64 + 1) << 32, threads, &|_| {})?;
     let worst = &found[..spec.validation.added.min(found.len())];
-    let mut worsened = parallel::map(worst.len(), threads, |i| worsen(spec, robot, gains, &worst[i], TRIES))
+    let mut worst_found = parallel::map(worst.len(), threads, |i| worsen(spec, robot, gains, &worst[i], TRIES))
         .into_iter()
         .collect::<Result<Vec<_>, _>>()?;
-    for (k, sample) in worsened.iter_mut().enumerate() {
+    for (k, sample) in worst_found.iter_mut().enumerate() {
         sample.model.name = format!("adversary {round}.{k}", round = round + 1, k = k + 1);
     }
-    Ok(worsened)
+    Ok(worst_found)
 }
 
 /// Steps of the adversary's local search.
@@ -217,7 +217,7 @@ fn worsen(spec: &Spec, robot: &Robot, gains: &Gains, worst: &Sample, tries: usiz
         model.fill = step(model.fill, v.fill[0], v.fill[1]);
         model.extra_delay_s = step(model.extra_delay_s, 0.0, v.extra_delay_s);
         let trial = assess(spec, robot, &model, gains, spec.sampling.pade_order_tuning)?;
-        if trial.badness() > worst.badness() {
+        if trial.severity() > worst.severity() {
             worst = trial;
         } else {
             size *= 0.9;
@@ -235,7 +235,7 @@ pub fn sampled_models(
     robot: &Robot,
     gains: &Gains,
     slosh: bool,
-) -> Result<Vec<(String, super::sampled::Sampled)>, RobotError> {
+) -> Result<Vec<(String, super::sampled::SampledStability)>, RobotError> {
     spec.models
         .iter()
         .map(|m| {

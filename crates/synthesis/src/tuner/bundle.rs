@@ -48,7 +48,7 @@ pub(crate) fn finish<E>(
     mut watch: impl FnMut(&[f64], f64) -> bool,
 ) -> Result<f64, E> {
     let mut cuts = Cut::of(pieces, x);
-    let most = 3 * x.len() / 2 + 40;
+    let cuts_max = 3 * x.len() / 2 + 40;
     // A metric that is flat across a kink would trap the search there, so a small multiple of the identity is added.
     let floor = 0.02 * (0..x.len()).map(|i| metric[i][i]).fold(0.0, f64::max);
     let times = |g: &[f64]| -> Vec<f64> {
@@ -62,18 +62,18 @@ pub(crate) fn finish<E>(
         }
         let level: Vec<f64> = cuts.iter().map(|c| c.at(x, value) - value).collect();
         let gradients: Vec<Vec<f64>> = cuts.iter().map(|c| c.gradient.clone()).collect();
-        let moved: Vec<Vec<f64>> = gradients.iter().map(|g| times(g)).collect();
+        let scaled_gradients: Vec<Vec<f64>> = gradients.iter().map(|g| times(g)).collect();
         let gram: Vec<Vec<f64>> = gradients
             .iter()
-            .map(|a| moved.iter().map(|b| t * dot(a, b)).collect())
+            .map(|a| scaled_gradients.iter().map(|b| t * dot(a, b)).collect())
             .collect();
         let lambda = simplex_qp(&gram, &level);
         let aggregate = combine(&gradients, &lambda);
         let step = times(&aggregate);
-        let promised = -t * dot(&aggregate, &step) + dot(&level, &lambda);
-        if -promised < gain {
+        let predicted = -t * dot(&aggregate, &step) + dot(&level, &lambda);
+        if -predicted < gain {
             // Little predicted gain at this step length; try a longer one, unless it was tried before.
-            if t * length(&step) > 0.5 || -promised < 0.01 * gain {
+            if t * length(&step) > 0.5 || -predicted < 0.01 * gain {
                 break;
             }
             t *= 4.0;
@@ -87,22 +87,22 @@ pub(crate) fn finish<E>(
         } else {
             Vec::new()
         };
-        if trial_value.is_finite() && achieved >= -0.1 * promised {
+        if trial_value.is_finite() && achieved >= -0.1 * predicted {
             *x = trial;
             value = trial_value;
             if !watch(x, value) {
                 break;
             }
-            if achieved >= -0.5 * promised {
+            if achieved >= -0.5 * predicted {
                 t *= 2.0;
             }
-        } else if !trial_value.is_finite() || achieved < 2.0 * promised {
+        } else if !trial_value.is_finite() || achieved < 2.0 * predicted {
             t *= 0.25;
         } else {
             t *= 0.7;
         }
-        if cuts.len() + at.len() > most {
-            thin_out(&mut cuts, &lambda, most.saturating_sub(at.len()));
+        if cuts.len() + at.len() > cuts_max {
+            prune_cuts(&mut cuts, &lambda, cuts_max.saturating_sub(at.len()));
         }
         cuts.extend(at);
     }
@@ -110,13 +110,13 @@ pub(crate) fn finish<E>(
 }
 
 /// Keeps at most `most` of the cuts, and all with nonzero weight. Of those without weight the oldest are removed first.
-fn thin_out(cuts: &mut Vec<Cut>, weights: &[f64], most: usize) {
+fn prune_cuts(cuts: &mut Vec<Cut>, weights: &[f64], cuts_max: usize) {
     let mut keep: Vec<bool> = weights.iter().map(|l| *l > 1e-6).collect();
-    let mut room = most.saturating_sub(keep.iter().filter(|k| **k).count());
+    let mut free_slots = cuts_max.saturating_sub(keep.iter().filter(|k| **k).count());
     for i in (0..cuts.len()).rev() {
-        if !keep[i] && room > 0 {
+        if !keep[i] && free_slots > 0 {
             keep[i] = true;
-            room -= 1;
+            free_slots -= 1;
         }
     }
     let mut flags = keep.into_iter();

@@ -53,7 +53,7 @@ pub(super) fn certify(objective: &mut Objective<'_>, x: &[f64], seed: u64) -> Re
                 gradients.extend(pieces.iter().filter(close).map(|p| p.logarithm().gradient));
             }
         }
-        gradients.truncate(MOST);
+        gradients.truncate(GRADIENTS_MAX);
         if gradients.is_empty() {
             continue;
         }
@@ -66,7 +66,7 @@ pub(super) fn certify(objective: &mut Objective<'_>, x: &[f64], seed: u64) -> Re
             radius,
             depth,
         };
-        if found.length <= ENOUGH {
+        if found.length <= LENGTH_SUFFICIENT {
             return Ok(found);
         }
         // A wider neighbourhood is preferred only if it is much better.
@@ -78,7 +78,7 @@ pub(super) fn certify(objective: &mut Objective<'_>, x: &[f64], seed: u64) -> Re
 }
 
 /// A certificate that needs no wider neighbourhood.
-const ENOUGH: f64 = 1e-3;
+const LENGTH_SUFFICIENT: f64 = 1e-3;
 
 /// Maximum number of gradients of a certificate: the cost of the quadratic program grows with the third power of their number.
-const MOST: usize = 400;
+const GRADIENTS_MAX: usize = 400;

@@ -14,21 +14,21 @@
 mod bundle;
 mod certificate;
 mod descent;
+mod gain_units;
 mod gains;
+mod growth_penalty;
 mod objective;
 mod options;
 mod problem;
 pub(crate) mod qp;
-mod region;
 mod run;
 mod search;
 mod state_feedback;
 mod verdict;
-mod yardstick;
 
 pub use certificate::Certificate;
 pub use gains::{GainBlock, GainError, GainKind};
-pub use options::{Flow, Options, Phase, Progress};
+pub use options::{Options, Phase, SearchControl, TuningProgress};
 pub use problem::{Channel, Model, Problem, TuneError};
 pub use run::{ChannelReport, Evaluation, Tuned, controllers, evaluate, tune};
 pub use verdict::Verdict;

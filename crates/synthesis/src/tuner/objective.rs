@@ -6,7 +6,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::problem::{Checked, Model};
+use super::problem::{Model, ValidatedProblem};
 use crate::linalg::{self, CMatrix, LinalgError, Matrix, c64};
 use crate::norm;
 use crate::parallel;
@@ -30,7 +30,7 @@ impl Piece {
 }
 
 /// The closed loop of one model with the data that gradients need.
-pub(super) struct Closed<'a> {
+pub(super) struct ClosedLoop<'a> {
     model: &'a Model,
     /// Closed loop from w to z.
     system: StateSpace,
@@ -43,7 +43,7 @@ pub(super) struct Closed<'a> {
     pub(super) poles: Vec<c64>,
 }
 
-impl Closed<'_> {
+impl ClosedLoop<'_> {
     fn abscissa(&self) -> f64 {
         self.poles.iter().map(|p| p.re).fold(f64::NEG_INFINITY, f64::max)
     }
@@ -58,7 +58,7 @@ pub(crate) struct ChannelNorm {
 
 /// The value of the objective at a point.
 #[derive(Debug, Clone)]
-pub(crate) struct Value {
+pub(crate) struct ObjectiveValue {
     /// The largest spectral abscissa of the models.
     pub(crate) abscissa: f64,
     /// The largest channel norm; infinite when a model is unstable.
@@ -70,8 +70,8 @@ pub(crate) struct Value {
 /// Evaluates objectives and stores the recent peak frequencies of each channel: the next evaluation, at a point nearby,
 /// starts from them and usually needs a single Hamiltonian test as proof.
 pub(crate) struct Objective<'a> {
-    pub(crate) problem: &'a Checked,
-    memory: Vec<Vec<Vec<f64>>>,
+    pub(crate) problem: &'a ValidatedProblem,
+    recent_peaks: Vec<Vec<Vec<f64>>>,
     tolerance: f64,
     /// Channels with all stored peaks below this fraction of the largest one are not tested further; 0 tests all.
     pub(super) screen: f64,
@@ -82,8 +82,8 @@ pub(crate) struct Objective<'a> {
 }
 
 /// One closed loop during the evaluation of its norms.
-pub(super) struct Look<'a> {
-    pub(super) closed: Closed<'a>,
+pub(super) struct LoopNorms<'a> {
+    pub(super) closed: ClosedLoop<'a>,
     /// The channels.
     pub(super) parts: Vec<StateSpace>,
     /// The largest gain of each at the stored frequencies.
@@ -95,15 +95,15 @@ pub(super) struct Look<'a> {
 const MARGIN: f64 = 1e-9;
 
 impl<'a> Objective<'a> {
-    pub(crate) fn new(problem: &'a Checked, tolerance: f64, threads: usize) -> Self {
-        let memory = problem
+    pub(crate) fn new(problem: &'a ValidatedProblem, tolerance: f64, threads: usize) -> Self {
+        let recent_peaks = problem
             .models
             .iter()
             .map(|m| vec![Vec::new(); m.channels.len()])
             .collect();
         Self {
             problem,
-            memory,
+            recent_peaks,
             tolerance,
             screen: 0.0,
             threads,
@@ -117,7 +117,7 @@ impl<'a> Objective<'a> {
         self
     }
 
-    fn close(&self, model: &'a Model, k: &Matrix) -> Result<Option<Closed<'a>>, LinalgError> {
+    fn close(&self, model: &'a Model, k: &Matrix) -> Result<Option<ClosedLoop<'a>>, LinalgError> {
         let p = &model.plant;
         let (n, nu, ny) = (p.states(), model.controls, model.measurements);
         let (nw, nz) = (p.inputs() - nu, p.outputs() - ny);
@@ -148,7 +148,7 @@ impl<'a> Objective<'a> {
             d: d11 + &d12 * &kd,
         };
         let poles = system.poles()?;
-        Ok(Some(Closed {
+        Ok(Some(ClosedLoop {
             model,
             system,
             b_u,
@@ -162,7 +162,7 @@ impl<'a> Objective<'a> {
     /// The largest spectral abscissa over the models, and its gradient.
     pub(crate) fn abscissa(&self, x: &[f64]) -> Result<Option<(f64, Vec<f64>)>, LinalgError> {
         let blocks = self.problem.blocks(x);
-        let mut worst: Option<(f64, Closed<'a>)> = None;
+        let mut worst: Option<(f64, ClosedLoop<'a>)> = None;
         for model in &self.problem.models {
             let Some(closed) = self.close(model, &self.problem.gain(model, &blocks))? else {
                 return Ok(None);
@@ -195,8 +195,8 @@ impl<'a> Objective<'a> {
 
     /// The largest channel norm and its gradient. Stops as soon as the norm is known to exceed `ceiling`: the value is then
     /// infinite and the gradient empty.
-    pub(crate) fn norm(&mut self, x: &[f64], ceiling: f64) -> Result<(Value, Vec<f64>), LinalgError> {
-        let (value, looks) = self.look(x, ceiling)?;
+    pub(crate) fn norm(&mut self, x: &[f64], ceiling: f64) -> Result<(ObjectiveValue, Vec<f64>), LinalgError> {
+        let (value, loops) = self.loop_norms(x, ceiling)?;
         if value.gamma.is_infinite() {
             return Ok((value, Vec::new()));
         }
@@ -209,12 +209,16 @@ impl<'a> Objective<'a> {
             }
         }
         let (m, c) = worst;
-        let pieces = self.pieces_at(&looks[m].closed, c, value.channels[m][c].omega, x, 1)?;
+        let pieces = self.pieces_at(&loops[m].closed, c, value.channels[m][c].omega, x, 1)?;
         Ok((value, pieces.into_iter().next().map(|p| p.gradient).unwrap_or_default()))
     }
 
     /// The norms, and the closed loops they belong to; none of these when a loop is unstable or the ceiling exceeded.
-    pub(super) fn look(&mut self, x: &[f64], ceiling: f64) -> Result<(Value, Vec<Look<'a>>), LinalgError> {
+    pub(super) fn loop_norms(
+        &mut self,
+        x: &[f64],
+        ceiling: f64,
+    ) -> Result<(ObjectiveValue, Vec<LoopNorms<'a>>), LinalgError> {
         self.evaluations += 1;
         let blocks = self.problem.blocks(x);
         let count = self.problem.models.len();
@@ -225,77 +229,77 @@ impl<'a> Objective<'a> {
             if above.load(Ordering::Relaxed) {
                 return Ok(None);
             }
-            let found = self.first_look(m, &blocks, ceiling)?;
-            if found.as_ref().is_none_or(|look| look.norms.is_empty()) {
+            let found = self.screen_loop(m, &blocks, ceiling)?;
+            if found.as_ref().is_none_or(|entry| entry.norms.is_empty()) {
                 above.store(true, Ordering::Relaxed);
             }
             Ok(found)
         });
-        let mut value = Value {
+        let mut value = ObjectiveValue {
             abscissa: f64::NEG_INFINITY,
             gamma: 0.0,
             channels: Vec::new(),
         };
-        let mut looks = Vec::new();
+        let mut loops = Vec::new();
         for found in first {
-            if let Some(look) = found? {
-                value.abscissa = value.abscissa.max(look.closed.abscissa());
-                looks.push(look);
+            if let Some(entry) = found? {
+                value.abscissa = value.abscissa.max(entry.closed.abscissa());
+                loops.push(entry);
             }
         }
         if above.into_inner() {
             value.gamma = f64::INFINITY;
             return Ok((value, Vec::new()));
         }
-        let floor = self.screen * looks.iter().flat_map(|l| &l.norms).map(|n| n.gain).fold(0.0, f64::max);
+        let floor = self.screen * loops.iter().flat_map(|l| &l.norms).map(|n| n.gain).fold(0.0, f64::max);
         let norms = parallel::map(count, self.threads, |m| -> Result<Vec<ChannelNorm>, LinalgError> {
-            let look = &looks[m];
+            let entry = &loops[m];
             let certain = |(part, seen): (&StateSpace, &ChannelNorm)| {
                 if seen.gain < floor {
                     return Ok(*seen);
                 }
-                let found = norm::climb(part, self.tolerance, &[seen.omega])?;
+                let found = norm::level_set_iteration(part, self.tolerance, &[seen.omega])?;
                 Ok(ChannelNorm {
                     gain: found.gain,
                     omega: found.omega,
                 })
             };
-            look.parts.iter().zip(&look.norms).map(certain).collect()
+            entry.parts.iter().zip(&entry.norms).map(certain).collect()
         });
         for (m, found) in norms.into_iter().enumerate() {
             let found = found?;
             for (c, norm) in found.iter().enumerate() {
                 value.gamma = value.gamma.max(norm.gain);
-                remember(&mut self.memory[m][c], norm.omega);
+                store_peak(&mut self.recent_peaks[m][c], norm.omega);
             }
             value.channels.push(found);
         }
-        Ok((value, looks))
+        Ok((value, loops))
     }
 
     /// One model: `None` when the loop cannot be closed, no norms when it is unstable or above the ceiling.
-    fn first_look(&self, m: usize, blocks: &[Matrix], ceiling: f64) -> Result<Option<Look<'a>>, LinalgError> {
+    fn screen_loop(&self, m: usize, blocks: &[Matrix], ceiling: f64) -> Result<Option<LoopNorms<'a>>, LinalgError> {
         let model = &self.problem.models[m];
         let Some(closed) = self.close(model, &self.problem.gain(model, blocks))? else {
             return Ok(None);
         };
-        let mut look = Look {
+        let mut entry = LoopNorms {
             parts: Vec::new(),
             norms: Vec::new(),
             closed,
         };
-        let sizes = look.closed.poles.iter().map(|p| p.norm());
+        let sizes = entry.closed.poles.iter().map(|p| p.norm());
         let fastest = sizes.fold(self.problem.fastest[m], f64::max);
-        if look.closed.abscissa() >= -MARGIN * fastest {
-            return Ok(Some(look));
+        if entry.closed.abscissa() >= -MARGIN * fastest {
+            return Ok(Some(entry));
         }
         let mut norms = Vec::new();
         for (c, channel) in model.channels.iter().enumerate() {
-            let part = channel_system(&look.closed.system, channel);
-            let memory = &self.memory[m][c];
-            let mut frequencies = memory.clone();
-            if memory.is_empty() {
-                frequencies.extend(norm::peak_guesses(&look.closed.poles));
+            let part = channel_system(&entry.closed.system, channel);
+            let recent_peaks = &self.recent_peaks[m][c];
+            let mut frequencies = recent_peaks.clone();
+            if recent_peaks.is_empty() {
+                frequencies.extend(norm::peak_guesses(&entry.closed.poles));
             }
             frequencies.extend([0.0, f64::INFINITY]);
             let mut best = ChannelNorm { gain: -1.0, omega: 0.0 };
@@ -305,38 +309,38 @@ impl<'a> Objective<'a> {
                     best = ChannelNorm { gain, omega };
                 }
                 if gain > ceiling {
-                    return Ok(Some(look));
+                    return Ok(Some(entry));
                 }
             }
             norms.push(best);
-            look.parts.push(part);
+            entry.parts.push(part);
         }
-        look.norms = norms;
-        Ok(Some(look))
+        entry.norms = norms;
+        Ok(Some(entry))
     }
 
     /// The smooth pieces within a factor `depth` (below one) of the largest norm: every local peak of every channel, with
     /// up to three singular values at each. Skips no channel.
-    pub(crate) fn pieces(&mut self, x: &[f64], depth: f64) -> Result<(Value, Vec<Piece>), LinalgError> {
+    pub(crate) fn pieces(&mut self, x: &[f64], depth: f64) -> Result<(ObjectiveValue, Vec<Piece>), LinalgError> {
         let screen = std::mem::replace(&mut self.screen, 0.0);
-        let looked = self.look(x, f64::INFINITY);
+        let result = self.loop_norms(x, f64::INFINITY);
         self.screen = screen;
-        let (value, looks) = looked?;
+        let (value, loops) = result?;
         if value.gamma.is_infinite() {
             return Ok((value, Vec::new()));
         }
         let floor = depth * value.gamma;
         type Found = Result<(Vec<(usize, f64)>, Vec<Piece>), LinalgError>;
-        let found = parallel::map(looks.len(), self.threads, |m| -> Found {
-            let look = &looks[m];
+        let found = parallel::map(loops.len(), self.threads, |m| -> Found {
+            let entry = &loops[m];
             let (mut peaks, mut pieces) = (Vec::new(), Vec::new());
-            for (c, part) in look.parts.iter().enumerate() {
+            for (c, part) in entry.parts.iter().enumerate() {
                 let top = value.channels[m][c];
                 if top.gain < floor {
                     continue;
                 }
                 for omega in local_peaks(part, top, floor)?.into_iter().take(12) {
-                    let near = self.pieces_at(&look.closed, c, omega, x, 3)?;
+                    let near = self.pieces_at(&entry.closed, c, omega, x, 3)?;
                     pieces.extend(near.into_iter().filter(|p| p.value >= floor));
                     peaks.push((c, omega));
                 }
@@ -349,7 +353,7 @@ impl<'a> Objective<'a> {
             pieces.append(&mut some);
             // The highest last, so that it is kept longest.
             for (c, omega) in peaks.into_iter().rev() {
-                remember(&mut self.memory[m][c], omega);
+                store_peak(&mut self.recent_peaks[m][c], omega);
             }
         }
         Ok((value, pieces))
@@ -358,7 +362,7 @@ impl<'a> Objective<'a> {
     /// Pieces from the `count` largest singular values of one channel at one frequency.
     fn pieces_at(
         &self,
-        closed: &Closed<'_>,
+        closed: &ClosedLoop<'_>,
         channel: usize,
         omega: f64,
         x: &[f64],
@@ -418,14 +422,15 @@ impl<'a> Objective<'a> {
 
 /// The closed loop of one channel with only the states that lie on a path from its inputs to its outputs, balanced.
 fn channel_system(closed: &StateSpace, channel: &super::problem::Channel) -> StateSpace {
-    crate::reduce::on_path(&closed.select(channel.outputs.clone(), channel.inputs.clone())).balanced()
+    crate::reduce::without_unconnected_states(&closed.select(channel.outputs.clone(), channel.inputs.clone()))
+        .balanced()
 }
 
 /// Keeps the last few distinct peak frequencies.
-fn remember(memory: &mut Vec<f64>, omega: f64) {
-    memory.retain(|w| (w - omega).abs() > 1e-3 * omega && !(w.is_infinite() && omega.is_infinite()));
-    memory.insert(0, omega);
-    memory.truncate(6);
+fn store_peak(recent_peaks: &mut Vec<f64>, omega: f64) {
+    recent_peaks.retain(|w| (w - omega).abs() > 1e-3 * omega && !(w.is_infinite() && omega.is_infinite()));
+    recent_peaks.insert(0, omega);
+    recent_peaks.truncate(6);
 }
 
 /// Frequencies of local maxima of the gain above `floor`, the highest first: every interval above it, by level crossings, and in each

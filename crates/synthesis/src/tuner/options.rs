@@ -53,7 +53,7 @@ pub enum Phase {
 
 /// One line of progress.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress {
+pub struct TuningProgress {
     /// Number of the start, from 0.
     pub start: usize,
     /// Its phase.
@@ -66,7 +66,7 @@ pub struct Progress {
 
 /// Whether to continue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Flow {
+pub enum SearchControl {
     /// Continue.
     Continue,
     /// Stop soon and report the best gains so far.

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
+use super::gain_units::GainUnits;
 use super::gains::{GainBlock, GainError, Parametrised};
-use super::yardstick::Yardstick;
 use crate::linalg::{LinalgError, Matrix, c64};
 use crate::state_space::StateSpace;
 
@@ -97,16 +97,16 @@ pub enum TuneError {
 
 /// A problem that passed validation.
 #[derive(Debug, Clone)]
-pub(crate) struct Checked {
+pub(crate) struct ValidatedProblem {
     pub(crate) models: Vec<Model>,
     pub(crate) gains: Vec<Parametrised>,
     /// Units in which the feedback of each model is measured.
-    pub(crate) yardsticks: Vec<Yardstick>,
+    pub(crate) gain_units: Vec<GainUnits>,
     /// The size of the fastest pole of each model without feedback.
     pub(crate) fastest: Vec<f64>,
 }
 
-impl Checked {
+impl ValidatedProblem {
     pub(crate) fn new(problem: &Problem) -> Result<Self, TuneError> {
         if problem.models.is_empty() {
             return Err(TuneError::Empty("model"));
@@ -146,9 +146,9 @@ impl Checked {
                 });
             }
         }
-        let yardsticks = models
+        let gain_units = models
             .iter()
-            .map(|model| Yardstick::new(&model.plant, model.controls, model.measurements))
+            .map(|model| GainUnits::new(&model.plant, model.controls, model.measurements))
             .collect();
         let fastest = models
             .iter()
@@ -157,7 +157,7 @@ impl Checked {
         Ok(Self {
             models,
             gains,
-            yardsticks,
+            gain_units,
             fastest,
         })
     }

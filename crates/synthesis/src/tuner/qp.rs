@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_higher_piece_draws_the_weight() {
+    fn higher_piece_receives_the_weight() {
         let lambda = simplex_qp(&[vec![1.0, 0.0], vec![0.0, 1.0]], &[10.0, 0.0]);
         assert!(lambda[0] > 1.0 - 1e-9);
     }

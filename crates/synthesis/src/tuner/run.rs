@@ -3,9 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::certificate::{Certificate, certify};
-use super::objective::{Objective, Value};
-use super::options::{Flow, Options, Progress};
-use super::problem::{Checked, Problem, TuneError};
+use super::objective::{Objective, ObjectiveValue};
+use super::options::{Options, SearchControl, TuningProgress};
+use super::problem::{Problem, TuneError, ValidatedProblem};
 use super::search::{Outcome, REPORTED, Search};
 use super::state_feedback;
 use super::verdict::Verdict;
@@ -66,12 +66,12 @@ pub struct Tuned {
 pub fn tune(
     problem: &Problem,
     options: &Options,
-    watch: &(dyn Fn(Progress) -> Flow + Sync),
+    watch: &(dyn Fn(TuningProgress) -> SearchControl + Sync),
 ) -> Result<Tuned, TuneError> {
-    let checked = Checked::new(problem)?;
-    let asked = options.starts.max(1);
-    let solved = state_feedback::start(&checked)?;
-    let starts = asked + usize::from(solved.is_some());
+    let checked = ValidatedProblem::new(problem)?;
+    let requested = options.starts.max(1);
+    let riccati_start = state_feedback::start(&checked)?;
+    let starts = requested + usize::from(riccati_start.is_some());
     let stop = AtomicBool::new(false);
     // Starts first; the remaining threads share the models of a start.
     let workers = options.threads.clamp(1, starts);
@@ -80,15 +80,15 @@ pub fn tune(
         if stop.load(Ordering::Relaxed) {
             return None;
         }
-        let report = |progress: Progress| {
-            if watch(progress) == Flow::Stop {
+        let report = |progress: TuningProgress| {
+            if watch(progress) == SearchControl::Stop {
                 stop.store(true, Ordering::Relaxed);
             }
             !stop.load(Ordering::Relaxed)
         };
-        let from = match &solved {
-            Some(x) if index == asked => x.clone(),
-            _ => scattered(&checked, options, index),
+        let from = match &riccati_start {
+            Some(x) if index == requested => x.clone(),
+            _ => start_parameters(&checked, options, index),
         };
         let search = Search {
             checked: &checked,
@@ -164,7 +164,7 @@ fn not_stabilised(best: Outcome, starts: usize, stopped: bool) -> TuneError {
 /// # Errors
 /// As [`tune`], except that unstable gains give an infinite gamma.
 pub fn evaluate(problem: &Problem) -> Result<Evaluation, TuneError> {
-    let checked = Checked::new(problem)?;
+    let checked = ValidatedProblem::new(problem)?;
     let x = vec![0.0; checked.parameters()];
     let value = Objective::new(&checked, REPORTED, 1).reported(&x)?;
     Ok(report(&checked, &value))
@@ -175,13 +175,13 @@ pub fn evaluate(problem: &Problem) -> Result<Evaluation, TuneError> {
 /// # Errors
 /// As [`evaluate`].
 pub fn controllers(problem: &Problem) -> Result<(Vec<Matrix>, Vec<Matrix>), TuneError> {
-    let checked = Checked::new(problem)?;
+    let checked = ValidatedProblem::new(problem)?;
     let blocks = checked.blocks(&vec![0.0; checked.parameters()]);
     let controllers = checked.models.iter().map(|m| checked.gain(m, &blocks)).collect();
     Ok((blocks, controllers))
 }
 
-fn report(checked: &Checked, value: &Value) -> Evaluation {
+fn report(checked: &ValidatedProblem, value: &ObjectiveValue) -> Evaluation {
     let mut channels = Vec::new();
     for (model, norms) in checked.models.iter().zip(&value.channels) {
         for (channel, norm) in model.channels.iter().zip(norms) {
@@ -201,7 +201,7 @@ fn report(checked: &Checked, value: &Value) -> Evaluation {
 }
 
 /// A start value for start number `index`.
-fn scattered(checked: &Checked, options: &Options, index: usize) -> Vec<f64> {
+fn start_parameters(checked: &ValidatedProblem, options: &Options, index: usize) -> Vec<f64> {
     if index == 0 {
         return vec![0.0; checked.parameters()];
     }

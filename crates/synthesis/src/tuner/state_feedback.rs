@@ -5,22 +5,22 @@
 //! this solution it only has to confirm the optimum.
 
 use super::gains::GainKind;
+use super::growth_penalty;
 use super::objective::Objective;
-use super::problem::Checked;
-use super::region;
+use super::problem::ValidatedProblem;
 use crate::full_order;
 use crate::linalg::{self, LinalgError, Matrix};
 
 /// The parameters of the best state feedback; `None` if the problem is of another kind: several models or channels, gains that
 /// are not free, measurements that do not determine the state.
-pub(super) fn start(checked: &Checked) -> Result<Option<Vec<f64>>, LinalgError> {
+pub(super) fn start(checked: &ValidatedProblem) -> Result<Option<Vec<f64>>, LinalgError> {
     let ([model], [gain]) = (&checked.models[..], &checked.gains[..]) else {
         return Ok(None);
     };
     let [channel] = &model.channels[..] else {
         return Ok(None);
     };
-    let whole = gain.block.kind
+    let is_full_gain = gain.block.kind
         == GainKind::Full {
             rows: model.controls,
             columns: model.measurements,
@@ -30,7 +30,12 @@ pub(super) fn start(checked: &Checked) -> Result<Option<Vec<f64>>, LinalgError> 
     let (nw, nz) = (p.inputs() - model.controls, p.outputs() - model.measurements);
     let measured = linalg::sub(&p.c, nz, 0, model.measurements, n);
     let direct = linalg::sub(&p.d, nz, 0, model.measurements, p.inputs());
-    if !whole || model.transforms[0].is_some() || linalg::max_abs(&direct) > 0.0 || model.measurements < n || n == 0 {
+    if !is_full_gain
+        || model.transforms[0].is_some()
+        || linalg::max_abs(&direct) > 0.0
+        || model.measurements < n
+        || n == 0
+    {
         return Ok(None);
     }
     let gram = measured.transpose() * &measured;
@@ -57,13 +62,13 @@ pub(super) fn start(checked: &Checked) -> Result<Option<Vec<f64>>, LinalgError> 
             .flat_map(|i| (0..k.ncols()).map(move |j| (i, j)))
             .map(|(i, j)| (k[(i, j)] - start[(i, j)]) / gain.block.unit)
             .collect();
-        let Some((price, _)) = region::price(checked, &x, region::PRICE) else {
+        let Some((penalty, _)) = growth_penalty::penalty(checked, &x, growth_penalty::WEIGHT) else {
             continue;
         };
         let Ok((value, _)) = objective.norm(&x, f64::INFINITY) else {
             continue;
         };
-        let total = value.gamma.ln() + price;
+        let total = value.gamma.ln() + penalty;
         if value.gamma.is_finite() && best.as_ref().is_none_or(|b| total < b.0) {
             best = Some((total, x));
         }

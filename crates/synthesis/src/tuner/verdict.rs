@@ -1,14 +1,14 @@
 //! Assessment of a result: norms free of rounding error, and whether an optimum was attained.
 
-use super::objective::{ChannelNorm, Objective, Value};
+use super::growth_penalty;
+use super::objective::{ChannelNorm, Objective, ObjectiveValue};
 use super::options::Options;
-use super::problem::{Channel, Checked, Model};
-use super::region;
+use super::problem::{Channel, Model, ValidatedProblem};
 use super::search::Search;
+use crate::double_double::Loop;
 use crate::interconnect;
 use crate::linalg::{LinalgError, Matrix, c64};
 use crate::norm;
-use crate::precise::Loop;
 use crate::reduce;
 use crate::state_space::StateSpace;
 
@@ -24,7 +24,7 @@ pub enum Verdict {
         /// How many times as large as the plant the feedback is.
         feedback: f64,
     },
-    /// The infimum lies on the limit of stability: gamma was still falling where a pole comes next to the imaginary axis.
+    /// The infimum lies on the limit of stability: gamma was still falling as a pole approached the imaginary axis.
     PoleNearAxis {
         /// Name of the model.
         model: String,
@@ -58,24 +58,29 @@ impl std::fmt::Display for Verdict {
 }
 
 /// Feedback, in multiples of the plant, above which it may be diverging.
-const FAST: f64 = 30.0;
+const DIVERGING_FEEDBACK: f64 = 30.0;
 /// A higher penalty on growing gains than that of the search, which decides doubtful cases.
-const TRIAL: f64 = 100.0 * region::PRICE;
+const TRIAL_WEIGHT: f64 = 100.0 * growth_penalty::WEIGHT;
 /// A pole this near to the axis, relative to the fastest one, is only there because the axis is better.
-const NEAR: f64 = 1e-6;
+const NEAR_AXIS: f64 = 1e-6;
 /// Poles that span more than this leave the slow ones with few correct digits.
-const SPREAD: f64 = 1e5;
+const POLE_SPREAD: f64 = 1e5;
 
 impl Verdict {
     /// The verdict on the gains at `x`, which stabilise.
-    pub(super) fn of(checked: &Checked, options: &Options, x: &[f64], value: &Value) -> Result<Self, LinalgError> {
+    pub(super) fn of(
+        checked: &ValidatedProblem,
+        options: &Options,
+        x: &[f64],
+        value: &ObjectiveValue,
+    ) -> Result<Self, LinalgError> {
         if value.gamma == 0.0 {
             return Ok(Self::NothingToMinimise);
         }
         let blocks = checked.blocks(x);
-        if runs_away(checked, options, x)? {
-            let sizes = checked.models.iter().zip(&checked.yardsticks);
-            let sizes = sizes.map(|(model, yardstick)| (yardstick.feedback(&checked.gain(model, &blocks)), model));
+        if diverges(checked, options, x)? {
+            let sizes = checked.models.iter().zip(&checked.gain_units);
+            let sizes = sizes.map(|(model, units)| (units.feedback(&checked.gain(model, &blocks)), model));
             if let Some((feedback, model)) = sizes.max_by(|a, b| a.0.total_cmp(&b.0)) {
                 let model = model.name.clone();
                 return Ok(Self::InfiniteGain { model, feedback });
@@ -87,11 +92,11 @@ impl Verdict {
             let poles = loop_poles(model, &k)?;
             let fastest = poles.iter().map(|p| p.norm()).fold(*own, f64::max);
             let slowest = poles.into_iter().max_by(|a, b| a.re.total_cmp(&b.re));
-            if let Some(pole) = slowest.filter(|p| p.re > -NEAR * fastest) {
+            if let Some(pole) = slowest.filter(|p| p.re > -NEAR_AXIS * fastest) {
                 let model = model.name.clone();
                 // A slow pole that is no slower than the plant has not moved: the fast ones have run away from it.
-                let feedback = region::feedback(checked, x);
-                return Ok(if feedback >= FAST && pole.re <= -NEAR * own {
+                let feedback = growth_penalty::feedback(checked, x);
+                return Ok(if feedback >= DIVERGING_FEEDBACK && pole.re <= -NEAR_AXIS * own {
                     Self::InfiniteGain { model, feedback }
                 } else {
                     Self::PoleNearAxis { model, pole }
@@ -102,14 +107,14 @@ impl Verdict {
     }
 }
 
-/// Whether the gains at `x` are held by the price of growth alone: at a hundred times the price less than half of them does as
+/// Whether the gains at `x` are limited by the growth penalty alone: at a hundred times the penalty less than half of them does as
 /// well to a part in ten thousand. An optimum at a finite gain does not move for it, however large the gain is.
-fn runs_away(checked: &Checked, options: &Options, x: &[f64]) -> Result<bool, LinalgError> {
-    let feedback = region::feedback(checked, x);
-    if feedback < FAST {
+fn diverges(checked: &ValidatedProblem, options: &Options, x: &[f64]) -> Result<bool, LinalgError> {
+    let feedback = growth_penalty::feedback(checked, x);
+    if feedback < DIVERGING_FEEDBACK {
         return Ok(false);
     }
-    if feedback >= 0.1 * region::LARGEST {
+    if feedback >= 0.1 * growth_penalty::FEEDBACK_MAX {
         return Ok(true);
     }
     let search = Search {
@@ -121,15 +126,15 @@ fn runs_away(checked: &Checked, options: &Options, x: &[f64]) -> Result<bool, Li
     };
     let mut trial = x.to_vec();
     let mut objective = Objective::new(checked, 1e-7, options.threads);
-    search.improve(&mut objective, &mut trial, TRIAL)?;
-    Ok(region::feedback(checked, &trial) < 0.5 * feedback)
+    search.improve(&mut objective, &mut trial, TRIAL_WEIGHT)?;
+    Ok(growth_penalty::feedback(checked, &trial) < 0.5 * feedback)
 }
 
 /// The poles of the part of a model that lies on a path from u to y, closed.
 fn loop_poles(model: &Model, k: &Matrix) -> Result<Vec<c64>, LinalgError> {
     let p = &model.plant;
     let (nw, nz) = (p.inputs() - model.controls, p.outputs() - model.measurements);
-    let part = reduce::on_path(&p.select(nz..p.outputs(), nw..p.inputs()));
+    let part = reduce::without_unconnected_states(&p.select(nz..p.outputs(), nw..p.inputs()));
     match interconnect::lft_lower(&part, &StateSpace::gain(k.clone())) {
         Ok(closed) => closed.poles(),
         Err(_) => Ok(Vec::new()),
@@ -139,19 +144,19 @@ fn loop_poles(model: &Model, k: &Matrix) -> Result<Vec<c64>, LinalgError> {
 impl Objective<'_> {
     /// The reported norms: no channel skipped, and where the poles of a model span many decades, every peak is also searched
     /// on a grid and evaluated in double-double arithmetic.
-    pub(super) fn reported(&mut self, x: &[f64]) -> Result<Value, LinalgError> {
+    pub(super) fn reported(&mut self, x: &[f64]) -> Result<ObjectiveValue, LinalgError> {
         let screen = std::mem::replace(&mut self.screen, 0.0);
-        let looked = self.look(x, f64::INFINITY);
+        let result = self.loop_norms(x, f64::INFINITY);
         self.screen = screen;
-        let (mut value, looks) = looked?;
+        let (mut value, loops) = result?;
         if value.gamma.is_infinite() {
             return Ok(value);
         }
         let blocks = self.problem.blocks(x);
-        for ((model, look), norms) in self.problem.models.iter().zip(&looks).zip(&mut value.channels) {
-            let sizes = || look.closed.poles.iter().map(|p| p.norm());
+        for ((model, entry), norms) in self.problem.models.iter().zip(&loops).zip(&mut value.channels) {
+            let sizes = || entry.closed.poles.iter().map(|p| p.norm());
             let (slowest, fastest) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
-            if fastest <= SPREAD * slowest {
+            if fastest <= POLE_SPREAD * slowest {
                 continue;
             }
             let k = self.problem.gain(model, &blocks);
@@ -159,8 +164,8 @@ impl Objective<'_> {
                 plant: &model.plant,
                 k: &k,
             };
-            for ((channel, part), found) in model.channels.iter().zip(&look.parts).zip(norms) {
-                *found = careful(&closed, channel, part, *found, &look.closed.poles)?;
+            for ((channel, part), found) in model.channels.iter().zip(&entry.parts).zip(norms) {
+                *found = refine_peaks(&closed, channel, part, *found, &entry.closed.poles)?;
             }
         }
         value.gamma = value.channels.iter().flatten().map(|n| n.gain).fold(0.0, f64::max);
@@ -170,7 +175,7 @@ impl Objective<'_> {
 
 /// The largest gain of a channel: the highest points of a logarithmic grid and of the resonances, each refined by golden
 /// sections in double-double arithmetic.
-fn careful(
+fn refine_peaks(
     closed: &Loop<'_>,
     channel: &Channel,
     part: &StateSpace,
@@ -201,20 +206,20 @@ fn careful(
         gain: gain(0.0)?,
         omega: 0.0,
     };
-    let mut raise = |omega: f64, gain: f64| {
+    let mut update_best = |omega: f64, gain: f64| {
         if gain > best.gain {
             best = ChannelNorm { gain, omega };
         }
     };
-    raise(f64::INFINITY, gain(f64::INFINITY)?);
+    update_best(f64::INFINITY, gain(f64::INFINITY)?);
     if found.omega.is_finite() {
-        raise(found.omega, gain(found.omega)?);
+        update_best(found.omega, gain(found.omega)?);
     }
     for at in tops.into_iter().take(4) {
         let mut low = grid[at.saturating_sub(1)];
         let mut high = grid[(at + 1).min(grid.len() - 1)];
         let (mut peak, mut top) = (grid[at], gain(grid[at])?);
-        raise(peak, top);
+        update_best(peak, top);
         while high - low > 1e-7 * high {
             let left = peak - low > high - peak;
             let trial = if left {
@@ -222,15 +227,15 @@ fn careful(
             } else {
                 peak + GOLDEN * (high - peak)
             };
-            let there = gain(trial)?;
-            match (there > top, left) {
-                (true, true) => (high, top, peak) = (peak, there, trial),
-                (true, false) => (low, top, peak) = (peak, there, trial),
+            let trial_gain = gain(trial)?;
+            match (trial_gain > top, left) {
+                (true, true) => (high, top, peak) = (peak, trial_gain, trial),
+                (true, false) => (low, top, peak) = (peak, trial_gain, trial),
                 (false, true) => low = trial,
                 (false, false) => high = trial,
             }
         }
-        raise(peak, top);
+        update_best(peak, top);
     }
     Ok(best)
 }

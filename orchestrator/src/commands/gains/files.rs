@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, anyhow, bail};
-use capture::flight::find;
+use capture::closed_loop::find_beside_specification;
 use engine::check_title;
 use synthesis::robot::{Robot, Spec};
 
@@ -15,7 +15,7 @@ use crate::destination;
 pub fn load(path: &Path, text: &str, allow_unphysical: bool) -> anyhow::Result<(Spec, Robot, String)> {
     let spec: Spec = toml::from_str(text)?;
     check_title(&spec.title).map_err(|reason| anyhow!("title: {reason}"))?;
-    let Some(found) = find(path, &spec.robot.urdf) else {
+    let Some(found) = find_beside_specification(path, &spec.robot.urdf) else {
         bail!(
             "robot.urdf = {:?}: no such file here, beside the specification, or above it",
             spec.robot.urdf

@@ -9,7 +9,7 @@ use tape::folder::RunFolder;
 use tape::{Reader, Source, split_record};
 
 use crate::catalogue::catalogue;
-use capture::flight::{find, record};
+use capture::closed_loop::{find_beside_specification, record_run};
 
 /// The field of the plant's truth with the joint angles.
 const JOINTS: &str = "q";
@@ -105,13 +105,13 @@ fn joints_at(specification: &Path, at: &str) -> anyhow::Result<Vec<f64>> {
     if instant.is_negative() {
         bail!("{time} is before the start; write a time from zero on");
     }
-    let Some(found) = find(specification, run) else {
+    let Some(found) = find_beside_specification(specification, run) else {
         bail!("{run:?}: no such run folder or scenario here, beside the specification, or above it");
     };
     if found.is_dir() {
         return read(&RunFolder::open(&found).tape(), instant.seconds());
     }
-    record(catalogue(), &found, instant, |run| {
+    record_run(catalogue(), &found, instant, |run| {
         read(&RunFolder::open(run).tape(), instant.seconds())
     })
 }

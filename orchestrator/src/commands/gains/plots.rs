@@ -79,7 +79,7 @@ fn drawn(title: &str, y_label: &str, mut curves: Vec<Curve>) -> String {
 
 /// The generalised plant of the first model with its controller.
 fn closed_loop(spec: &Spec, robot: &Robot, problem: &Problem, gains: &Gains) -> anyhow::Result<StateSpace> {
-    let mass = robot.body(&spec.models[0])?.mass;
+    let mass = robot.linearise(&spec.models[0])?.mass;
     let kp = to_rows(&gains.proportional(&mass)?);
     let rows: Vec<Vec<f64>> = (0..robot.channels())
         .map(|i| {

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use synthesis::tuner::Flow;
+use synthesis::tuner::SearchControl;
 
 use crate::line::Line;
 
@@ -29,19 +29,19 @@ impl<'a> Reporter<'a> {
     }
 
     /// Shows `text`, if an update is due.
-    pub fn say(&self, text: impl FnOnce() -> String) -> Flow {
+    pub fn say(&self, text: impl FnOnce() -> String) -> SearchControl {
         self.line()
             .show(|| format!("{}, {:.0} s so far", text(), self.started.elapsed().as_secs_f64()));
         if self.stop.load(Ordering::Relaxed) {
-            Flow::Stop
+            SearchControl::Stop
         } else {
-            Flow::Continue
+            SearchControl::Continue
         }
     }
 
     /// Reports `what` number `done` of `all`; returns whether to stop before it.
     pub fn next(&self, what: &str, done: usize, all: usize) -> bool {
-        self.say(|| format!("{what} {} of {all}", done + 1)) == Flow::Stop
+        self.say(|| format!("{what} {} of {all}", done + 1)) == SearchControl::Stop
     }
 
     /// Ends the report.

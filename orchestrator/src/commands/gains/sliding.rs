@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use synthesis::robot::{GainTable, GainsFile, Spec};
 
-use capture::flight::find;
+use capture::closed_loop::find_beside_specification;
 use capture::provenance::plant_digest;
 
 /// The gains that `gains.ks` of the specification names; `None` when it does not name any.
@@ -17,7 +17,7 @@ pub fn sliding_gain(specification: &Path, spec: &Spec, urdf: &str) -> anyhow::Re
         return Ok(None);
     };
     let key = || format!("gains.ks = {named:?}");
-    let Some(found) = find(specification, named) else {
+    let Some(found) = find_beside_specification(specification, named) else {
         bail!("{}: no such file here, beside the specification, or above it", key());
     };
     let text = std::fs::read_to_string(&found).with_context(key)?;

@@ -2,10 +2,10 @@
 
 use std::io::Write;
 
-use synthesis::robot::{FlownEntry, MarginEntry, SampledEntry, Spec, ValidationEntry};
+use synthesis::robot::{ClosedLoopEntry, MarginEntry, SampledEntry, Spec, ValidationEntry};
 
 /// The table of closed-loop simulations.
-pub fn print_flown(out: &mut impl Write, list: &[FlownEntry]) -> anyhow::Result<()> {
+pub fn print_flown(out: &mut impl Write, list: &[ClosedLoopEntry]) -> anyhow::Result<()> {
     if list.is_empty() {
         return Ok(());
     }

@@ -1,9 +1,9 @@
 //! Text of a progress update of the search.
 
-use synthesis::tuner::{Phase, Progress};
+use synthesis::tuner::{Phase, TuningProgress};
 
 /// The number of the start, its phase, and its progress.
-pub fn progress_line(p: Progress, starts: usize) -> String {
+pub fn progress_line(p: TuningProgress, starts: usize) -> String {
     let (start, value) = (p.start + 1, p.value);
     match p.phase {
         Phase::Stabilise => format!("start {start} of {starts}: stabilising, spectral abscissa {value:.4e}"),

@@ -8,7 +8,7 @@ use crate::catalogue::catalogue;
 use crate::commands::gains::{
     Reporter, channel_entries, contradictions, optima, plots, sampled_entries, stated_margins, validation_entry, write,
 };
-use capture::flight;
+use capture::closed_loop;
 
 /// Margins, sampled loops, closed-loop simulations, validation: the file of gains, and the contradictions in it.
 pub(super) fn verify(
@@ -35,7 +35,7 @@ pub(super) fn verify(
         }
     }
     if !args.no_flights {
-        match flight::fly(catalogue(), &args.spec, spec, robot, &design.gains, &|done, all| {
+        match closed_loop::simulate_gains(catalogue(), &args.spec, spec, robot, &design.gains, &|done, all| {
             reporter.next("flight", done, all)
         }) {
             Ok(flown) => file.flown = flown,

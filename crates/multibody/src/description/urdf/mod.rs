@@ -4,10 +4,10 @@
 //! `mimic`. Geometry, materials, transmissions and data for simulators and controllers are skipped. Everything else causes a warning
 //! or an error, with its line. `rpy` means R = Rz(y) Ry(p) Rx(r), as the format defines it; `quat_xyzw` is that of version 1.1.
 
-mod fault;
+mod error;
 mod xml;
 
-pub use fault::{UrdfError, UrdfErrors, UrdfFault, UrdfWarning};
+pub use error::{UrdfError, UrdfErrorKind, UrdfErrors, UrdfWarning};
 pub use xml::read_xml;
 
 use super::{Description, DescriptionError, Inertia, Joint, JointKind, Limits, Link, Mimic, Placement};
@@ -15,10 +15,10 @@ use crate::rotation::{Quaternion, roll_pitch_yaw};
 use nalgebra::{Matrix3, Vector3};
 use roxmltree::Node;
 use std::collections::BTreeMap;
-use xml::{element, is_macro, is_own, line_of, shown};
+use xml::{displayed_name, element, is_macro, is_urdf_element, line_of};
 
 /// Skipped elements, which belong to other tools: appearance, contact, actuation, simulators, middleware.
-const OF_OTHERS: &[&str] = &[
+const SKIPPED_ELEMENTS: &[&str] = &[
     "material",
     "transmission",
     "gazebo",
@@ -63,17 +63,17 @@ impl Description {
     /// # Errors
     /// All errors found in the text.
     pub fn read_urdf(text: &str, options: UrdfOptions) -> Result<UrdfReading, UrdfErrors> {
-        let of_xml = |error: roxmltree::Error| {
+        let xml_error = |error: roxmltree::Error| {
             let line = Some(error.pos().row);
             UrdfErrors(vec![UrdfError {
                 line,
-                fault: UrdfFault::Xml(error.to_string()),
+                kind: UrdfErrorKind::Xml(error.to_string()),
             }])
         };
         read_xml(text, |document| {
             Reader::default().robot(document.root_element(), options)
         })
-        .map_err(of_xml)?
+        .map_err(xml_error)?
     }
 }
 
@@ -89,19 +89,19 @@ struct Reader {
 impl Reader {
     fn robot(mut self, robot: Node, options: UrdfOptions) -> Result<UrdfReading, UrdfErrors> {
         if robot.tag_name().name() != "robot" {
-            let found = shown(robot);
-            self.fault(robot, UrdfFault::NotARobot { found });
+            let found = displayed_name(robot);
+            self.report(robot, UrdfErrorKind::NotARobot { found });
             return Err(UrdfErrors(self.errors));
         }
-        self.survey(
+        self.check_content(
             robot,
             "the robot",
             &["name", "version"],
             &[],
-            &[&["link", "joint"], OF_OTHERS].concat(),
+            &[&["link", "joint"], SKIPPED_ELEMENTS].concat(),
         );
         let elements = |tag: &'static str| {
-            let own = move |n: &Node| n.is_element() && is_own(*n) && n.tag_name().name() == tag;
+            let own = move |n: &Node| n.is_element() && is_urdf_element(*n) && n.tag_name().name() == tag;
             robot.children().filter(own)
         };
         let links: Vec<Link> = elements("link").filter_map(|node| self.link(node)).collect();
@@ -114,23 +114,23 @@ impl Reader {
         };
         // an element that could not be read would be reported again as missing from the tree
         let found = if self.errors.is_empty() {
-            description.faults()
+            description.errors()
         } else {
-            description.faults_of_parts()
+            description.part_errors()
         };
         for error in found {
-            let line = self.line_about(&error);
+            let line = self.line_of_subject(&error);
             self.errors.push(UrdfError {
                 line,
-                fault: error.into(),
+                kind: error.into(),
             });
         }
         if !self.errors.is_empty() {
             self.errors.sort_by_key(|error| error.line);
             return Err(UrdfErrors(self.errors));
         }
-        for (error, merged) in description.oddities() {
-            let line = self.line_about(&error);
+        for (error, merged) in description.tolerated_errors() {
+            let line = self.line_of_subject(&error);
             let kept = if merged {
                 "; with what is fixed to it the body is possible, so it is taken"
             } else {
@@ -148,15 +148,15 @@ impl Reader {
         })
     }
 
-    fn line_about(&self, error: &DescriptionError) -> Option<u32> {
+    fn line_of_subject(&self, error: &DescriptionError) -> Option<u32> {
         let (what, name) = error.subject()?;
         self.lines.get(&(what, name.to_owned())).copied()
     }
 
-    fn fault(&mut self, node: Node, fault: UrdfFault) {
+    fn report(&mut self, node: Node, kind: UrdfErrorKind) {
         self.errors.push(UrdfError {
             line: Some(line_of(node)),
-            fault,
+            kind,
         });
     }
 
@@ -168,14 +168,14 @@ impl Reader {
     }
 
     /// Checks an element for content other than the attributes and children that are read (`once` each) or may be skipped.
-    fn survey(&mut self, node: Node, owner: &str, attributes: &[&str], once: &[&str], passed: &[&str]) {
+    fn check_content(&mut self, node: Node, owner: &str, attributes: &[&str], once: &[&str], skipped: &[&str]) {
         for attribute in node.attributes() {
             let name = attribute.name();
             if attribute.namespace().is_none() && !attributes.contains(&name) {
                 let text = format!(
                     "{owner}: {name}=\"{}\" of {} is not modelled",
                     attribute.value(),
-                    shown(node)
+                    displayed_name(node)
                 );
                 self.warn(node, text);
             }
@@ -184,19 +184,22 @@ impl Reader {
         for child in node.children().filter(Node::is_element) {
             let name = child.tag_name().name();
             if is_macro(child) {
-                let what = shown(child);
-                self.fault(child, UrdfFault::NotExpanded { what });
-            } else if !is_own(child) {
-                let text = format!("{owner}: {} is of another namespace and is passed over", shown(child));
+                let what = displayed_name(child);
+                self.report(child, UrdfErrorKind::NotExpanded { what });
+            } else if !is_urdf_element(child) {
+                let text = format!(
+                    "{owner}: {} is of another namespace and is passed over",
+                    displayed_name(child)
+                );
                 self.warn(child, text);
             } else if once.contains(&name) {
                 if seen.contains(&name) {
-                    let (owner, element) = (owner.to_owned(), shown(child));
-                    self.fault(child, UrdfFault::Twice { owner, element });
+                    let (owner, element) = (owner.to_owned(), displayed_name(child));
+                    self.report(child, UrdfErrorKind::Duplicate { owner, element });
                 }
                 seen.push(name);
-            } else if !passed.contains(&name) {
-                let text = format!("{owner}: {} is not modelled and is passed over", shown(child));
+            } else if !skipped.contains(&name) {
+                let text = format!("{owner}: {} is not modelled and is passed over", displayed_name(child));
                 self.warn(child, text);
             }
         }
@@ -204,7 +207,7 @@ impl Reader {
 
     fn named(&mut self, what: &'static str, node: Node) -> Option<String> {
         let owner = format!("a <{what}>");
-        let name = self.required(node, &owner, "name")?.to_owned();
+        let name = self.required_attribute(node, &owner, "name")?.to_owned();
         self.lines.entry((what, name.clone())).or_insert_with(|| line_of(node));
         Some(name)
     }
@@ -212,7 +215,7 @@ impl Reader {
     fn link(&mut self, node: Node) -> Option<Link> {
         let name = self.named("link", node)?;
         let owner = format!("link `{name}`");
-        self.survey(
+        self.check_content(
             node,
             &owner,
             &["name"],
@@ -224,14 +227,14 @@ impl Reader {
     }
 
     fn inertia(&mut self, node: Node, owner: &str) -> Option<Inertia> {
-        self.survey(node, owner, &[], &["origin", "mass", "inertia"], &[]);
-        let mass = self.needed(node, owner, "mass").and_then(|mass| {
-            self.survey(mass, owner, &["value"], &[], &[]);
+        self.check_content(node, owner, &[], &["origin", "mass", "inertia"], &[]);
+        let mass = self.required_element(node, owner, "mass").and_then(|mass| {
+            self.check_content(mass, owner, &["value"], &[], &[]);
             self.scalar(mass, owner, "value")
         });
-        let moments = self.needed(node, owner, "inertia").map(|inertia| {
+        let moments = self.required_element(node, owner, "inertia").map(|inertia| {
             const NAMES: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
-            self.survey(inertia, owner, &NAMES, &[], &[]);
+            self.check_content(inertia, owner, &NAMES, &[], &[]);
             NAMES.map(|name| self.scalar(inertia, owner, name))
         });
         let placement = self.origin(node, owner);
@@ -242,14 +245,14 @@ impl Reader {
             com: Vector3::zeros(),
             about_com: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
         };
-        Some(super::merge::moved(&inertia, &placement?))
+        Some(super::merge::transformed(&inertia, &placement?))
     }
 
     fn joint(&mut self, node: Node, links: &[Link]) -> Option<Joint> {
         const READ: [&str; 7] = ["parent", "child", "origin", "axis", "limit", "dynamics", "mimic"];
         let name = self.named("joint", node)?;
         let owner = format!("joint `{name}`");
-        self.survey(
+        self.check_content(
             node,
             &owner,
             &["name", "type"],
@@ -257,12 +260,12 @@ impl Reader {
             &["calibration", "safety_controller"],
         );
         let kind = self.kind(node, &name, &owner);
-        let parent = self.end(node, &name, "parent", links);
-        let child = self.end(node, &name, "child", links);
+        let parent = self.joint_link(node, &name, "parent", links);
+        let child = self.joint_link(node, &name, "child", links);
         let origin = self.origin(node, &owner);
         let axis = match element(node, "axis") {
             Some(axis) => {
-                self.survey(axis, &owner, &["xyz"], &[], &[]);
+                self.check_content(axis, &owner, &["xyz"], &[], &[]);
                 self.vector(axis, &owner, "xyz", Vector3::x())
             }
             None => Some(Vector3::x()), // the format's default
@@ -270,7 +273,7 @@ impl Reader {
         let limits = self.limits(node, &owner);
         let [damping, friction] = match element(node, "dynamics") {
             Some(dynamics) => {
-                self.survey(dynamics, &owner, &["damping", "friction"], &[], &[]);
+                self.check_content(dynamics, &owner, &["damping", "friction"], &[], &[]);
                 ["damping", "friction"].map(|name| self.optional(dynamics, &owner, name, 0.0))
             }
             None => [Some(0.0); 2],
@@ -313,14 +316,14 @@ impl Reader {
     }
 
     fn kind(&mut self, node: Node, name: &str, owner: &str) -> Option<JointKind> {
-        match self.required(node, owner, "type")? {
+        match self.required_attribute(node, owner, "type")? {
             "fixed" => Some(JointKind::Fixed),
             "revolute" => Some(JointKind::Revolute),
             "continuous" => Some(JointKind::Continuous),
             "prismatic" => Some(JointKind::Prismatic),
             other => {
                 let (joint, kind) = (name.to_owned(), other.to_owned());
-                self.fault(node, UrdfFault::JointType { joint, kind });
+                self.report(node, UrdfErrorKind::JointType { joint, kind });
                 None
             }
         }
@@ -333,7 +336,7 @@ impl Reader {
         };
         let more = ["acceleration", "deceleration", "jerk"]; // no range is enforced
         let names = ["lower", "upper", "velocity", "effort"];
-        self.survey(limit, owner, &[names.as_slice(), &more].concat(), &[], &[]);
+        self.check_content(limit, owner, &[names.as_slice(), &more].concat(), &[], &[]);
         let [lower, upper, velocity, effort] = names.map(|name| self.optional(limit, owner, name, 0.0));
         Some(Some(Limits {
             lower: lower?,
@@ -343,22 +346,22 @@ impl Reader {
         }))
     }
 
-    fn end(&mut self, node: Node, joint: &str, role: &'static str, links: &[Link]) -> Option<usize> {
+    fn joint_link(&mut self, node: Node, joint: &str, role: &'static str, links: &[Link]) -> Option<usize> {
         let owner = format!("joint `{joint}`");
-        let end = self.needed(node, &owner, role)?;
-        self.survey(end, &owner, &["link"], &[], &[]);
-        let link = self.required(end, &owner, "link")?;
+        let end = self.required_element(node, &owner, role)?;
+        self.check_content(end, &owner, &["link"], &[], &[]);
+        let link = self.required_attribute(end, &owner, "link")?;
         let found = links.iter().position(|l| l.name == link);
         if found.is_none() {
             let (joint, link) = (joint.to_owned(), link.to_owned());
-            self.fault(end, UrdfFault::UnknownLink { joint, role, link });
+            self.report(end, UrdfErrorKind::UnknownLink { joint, role, link });
         }
         found
     }
 
     fn mimic(&mut self, node: Node, owner: &str) -> Option<Mimic> {
-        self.survey(node, owner, &["joint", "multiplier", "offset"], &[], &[]);
-        let joint = self.required(node, owner, "joint").map(str::to_owned);
+        self.check_content(node, owner, &["joint", "multiplier", "offset"], &[], &[]);
+        let joint = self.required_attribute(node, owner, "joint").map(str::to_owned);
         let multiplier = self.optional(node, owner, "multiplier", 1.0);
         let offset = self.optional(node, owner, "offset", 0.0);
         Some(Mimic {
@@ -372,12 +375,12 @@ impl Reader {
         let Some(origin) = element(node, "origin") else {
             return Some(Placement::identity());
         };
-        self.survey(origin, owner, &["xyz", "rpy", "quat_xyzw"], &[], &[]);
+        self.check_content(origin, owner, &["xyz", "rpy", "quat_xyzw"], &[], &[]);
         let p = self.vector(origin, owner, "xyz", Vector3::zeros());
         let r = if origin.has_attribute("quat_xyzw") {
             if origin.has_attribute("rpy") {
                 let owner = owner.to_owned();
-                self.fault(origin, UrdfFault::TwoAttitudes { owner });
+                self.report(origin, UrdfErrorKind::TwoAttitudes { owner });
                 return None;
             }
             self.quaternion(origin, owner)
@@ -392,31 +395,31 @@ impl Reader {
         let [x, y, z, w] = self.numbers(node, owner, "quat_xyzw", "four finite numbers")?;
         let quaternion = Quaternion::from_wxyz([w, x, y, z]);
         if (quaternion.norm_squared() - 1.0).abs() > 2.0 * QUATERNION_SLACK {
-            return self.not_a_number(node, owner, "quat_xyzw", "a quaternion of length one, scalar last");
+            return self.invalid_number(node, owner, "quat_xyzw", "a quaternion of length one, scalar last");
         }
         Some(quaternion.normalized().matrix())
     }
 
-    fn needed<'a, 'i>(&mut self, node: Node<'a, 'i>, owner: &str, tag: &str) -> Option<Node<'a, 'i>> {
+    fn required_element<'a, 'i>(&mut self, node: Node<'a, 'i>, owner: &str, tag: &str) -> Option<Node<'a, 'i>> {
         let found = element(node, tag);
         if found.is_none() {
             let (owner, missing) = (owner.to_owned(), format!("element <{tag}>"));
-            self.fault(node, UrdfFault::Missing { owner, missing });
+            self.report(node, UrdfErrorKind::Missing { owner, missing });
         }
         found
     }
 
     /// The text of a required attribute, which must contain nothing still to be expanded.
-    fn required<'a>(&mut self, node: Node<'a, '_>, owner: &str, attribute: &str) -> Option<&'a str> {
+    fn required_attribute<'a>(&mut self, node: Node<'a, '_>, owner: &str, attribute: &str) -> Option<&'a str> {
         let Some(text) = node.attribute(attribute) else {
-            let missing = format!("attribute {attribute} of {}", shown(node));
+            let missing = format!("attribute {attribute} of {}", displayed_name(node));
             let owner = owner.to_owned();
-            self.fault(node, UrdfFault::Missing { owner, missing });
+            self.report(node, UrdfErrorKind::Missing { owner, missing });
             return None;
         };
         if text.contains("${") || text.contains("$(") {
             let what = format!("{attribute}=\"{text}\" of {owner}");
-            self.fault(node, UrdfFault::NotExpanded { what });
+            self.report(node, UrdfErrorKind::NotExpanded { what });
             return None;
         }
         Some(text)
@@ -429,14 +432,14 @@ impl Reader {
         attribute: &str,
         what: &'static str,
     ) -> Option<[f64; N]> {
-        let text = self.required(node, owner, attribute)?;
+        let text = self.required_attribute(node, owner, attribute)?;
         let numbers: Option<Vec<f64>> = text
             .split_whitespace()
             .map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()))
             .collect();
         match numbers.and_then(|numbers| numbers.try_into().ok()) {
             Some(numbers) => Some(numbers),
-            None => self.not_a_number(node, owner, attribute, what),
+            None => self.invalid_number(node, owner, attribute, what),
         }
     }
 
@@ -461,14 +464,14 @@ impl Reader {
             .map(Vector3::from)
     }
 
-    fn not_a_number<T>(&mut self, node: Node, owner: &str, attribute: &str, expected: &'static str) -> Option<T> {
-        let fault = UrdfFault::Number {
+    fn invalid_number<T>(&mut self, node: Node, owner: &str, attribute: &str, expected: &'static str) -> Option<T> {
+        let kind = UrdfErrorKind::Number {
             owner: owner.to_owned(),
             attribute: attribute.to_owned(),
             text: node.attribute(attribute).unwrap_or_default().to_owned(),
             expected,
         };
-        self.fault(node, fault);
+        self.report(node, kind);
         None
     }
 }

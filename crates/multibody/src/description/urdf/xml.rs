@@ -84,7 +84,7 @@ fn document_type_end(text: &str) -> Option<usize> {
 }
 
 /// Whether an element belongs to URDF: it is in the namespace of the root, which usually has none.
-pub(super) fn is_own(node: Node) -> bool {
+pub(super) fn is_urdf_element(node: Node) -> bool {
     node.tag_name().namespace() == node.document().root_element().tag_name().namespace()
 }
 
@@ -96,7 +96,7 @@ pub(super) fn is_macro(node: Node) -> bool {
 }
 
 /// The name of an element as written in the file, as far as it can be determined.
-pub(super) fn shown(node: Node) -> String {
+pub(super) fn displayed_name(node: Node) -> String {
     let name = node.tag_name();
     let prefix = name
         .namespace()
@@ -118,5 +118,5 @@ pub(super) fn line_of(node: Node) -> u32 {
 /// The first child of that name.
 pub(super) fn element<'a, 'i>(node: Node<'a, 'i>, tag: &str) -> Option<Node<'a, 'i>> {
     node.children()
-        .find(|child| child.is_element() && is_own(*child) && child.tag_name().name() == tag)
+        .find(|child| child.is_element() && is_urdf_element(*child) && child.tag_name().name() == tag)
 }

@@ -5,12 +5,12 @@ use crate::state_space::StateSpace;
 
 /// Units in which a gain matrix is as fast as its plant: K(i, j) is measured in `1/(rows[i] · columns[j])`.
 #[derive(Debug, Clone)]
-pub(crate) struct Yardstick {
+pub(crate) struct GainUnits {
     pub(super) rows: Vec<f64>,
     pub(super) columns: Vec<f64>,
 }
 
-impl Yardstick {
+impl GainUnits {
     /// For a balanced plant: `b_i K(i, j) c_j` is compared with the largest entry of A. Without dynamics of its own to
     /// compare with, the units are those of the plant. The last `controls` inputs and `measurements` outputs are the loop's.
     pub(crate) fn new(p: &StateSpace, controls: usize, measurements: usize) -> Self {

@@ -48,7 +48,7 @@ impl Avoidance {
     ///
     /// # Errors
     /// When a joint has no limits there, or there is no such elbow joint.
-    pub fn law(&self, urdf: &str, arm: &Arm) -> Result<AvoidanceParameters, ParameterError> {
+    pub fn law_parameters(&self, urdf: &str, arm: &Arm) -> Result<AvoidanceParameters, ParameterError> {
         let description = Description::read_urdf(urdf, UrdfOptions { allow_unphysical: true })
             .map_err(|error| ParameterError::new("urdf", error))?
             .description;
@@ -119,7 +119,7 @@ impl Default for Allocation {
 
 impl Allocation {
     /// Parameters of the law.
-    pub fn law(&self) -> AllocationParameters {
+    pub fn law_parameters(&self) -> AllocationParameters {
         AllocationParameters {
             wheel_torque_nm: self.wheel_torque.si().into(),
             wheel_momentum_nms: self.wheel_momentum.si().into(),
@@ -182,7 +182,7 @@ impl Default for Stabilise {
 
 impl Stabilise {
     /// Parameters of the law.
-    pub fn law(&self, allocation: Option<&Allocation>) -> stabilise::Parameters {
+    pub fn law_parameters(&self, allocation: Option<&Allocation>) -> stabilise::Parameters {
         stabilise::Parameters {
             rotation_1_s: self.rotation.si(),
             translation_1_s: self.translation.si(),
@@ -193,7 +193,7 @@ impl Stabilise {
             wheel_momentum_nms: self.wheel_momentum.si().into(),
             rest_rate_rad_s: self.rest_rate.si(),
             rest_speed_m_s: self.rest_speed.si(),
-            allocation: allocation.map(Allocation::law),
+            allocation: allocation.map(Allocation::law_parameters),
         }
     }
 }

@@ -30,18 +30,18 @@ pub(super) fn scene(streams: &[StreamSpec], plan: &Table) -> (Option<Scene>, Vec
     if !has(TRUTH, "p_NB_N") {
         return (None, notes);
     }
-    let (mut servicer, mut still) = (None, None);
+    let (mut articulated_model, mut rigid_model) = (None, None);
     for text in models(plan) {
         match Model::read(text) {
-            Ok(model) if model.moving() > 0 => drop(servicer.get_or_insert(model)),
-            Ok(model) => drop(still.get_or_insert(model)),
+            Ok(model) if model.moving() > 0 => drop(articulated_model.get_or_insert(model)),
+            Ok(model) => drop(rigid_model.get_or_insert(model)),
             Err(error) => notes.push(error.to_string()),
         }
     }
-    let mut bodies = vec![fixed("N", 0.3), base(servicer, streams)];
+    let mut bodies = vec![fixed_body("N", 0.3), base(articulated_model, streams)];
     let port = if has(TRUTH, "p_NT_N") { TRUTH } else { "target" };
     if has(port, "p_NT_N") {
-        let mut body = posed(
+        let mut body = body_at_pose(
             "target",
             "T",
             port,
@@ -50,7 +50,7 @@ pub(super) fn scene(streams: &[StreamSpec], plan: &Table) -> (Option<Scene>, Vec
             0.75,
         );
         body.once = true;
-        match still {
+        match rigid_model {
             Some(model) => body.shapes.push(Shape::Model {
                 model,
                 joints: Vec::new(),
@@ -61,7 +61,7 @@ pub(super) fn scene(streams: &[StreamSpec], plan: &Table) -> (Option<Scene>, Vec
     }
     for (name, attitude, label) in [("p_NE_N", "quat_NE", "E"), ("p_NG_N", "quat_NG", "G")] {
         if has(TRUTH, name) {
-            bodies.push(posed(
+            bodies.push(body_at_pose(
                 label,
                 label,
                 TRUTH,
@@ -75,7 +75,7 @@ pub(super) fn scene(streams: &[StreamSpec], plan: &Table) -> (Option<Scene>, Vec
         tool.shapes.push(path("path of the tool", TOOL_PATH, 3.0));
     }
     if has("setpoint", "p_ND_N") {
-        let mut commanded = posed("D", "", "setpoint", "p_ND_N", None, 0.0);
+        let mut commanded = body_at_pose("D", "", "setpoint", "p_ND_N", None, 0.0);
         let Shape::Path(path) = path("commanded", COMMANDED_PATH, 2.0) else {
             unreachable!("a path is one")
         };
@@ -100,16 +100,16 @@ pub(super) fn scene(streams: &[StreamSpec], plan: &Table) -> (Option<Scene>, Vec
 
 /// Every text of a plan that is a URDF.
 fn models(plan: &Table) -> Vec<&str> {
-    fn within<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
+    fn collect_models<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
         match value {
             Value::String(text) if text.contains("<robot") => found.push(text),
-            Value::Array(items) => items.iter().for_each(|item| within(item, found)),
-            Value::Table(table) => table.values().for_each(|item| within(item, found)),
+            Value::Array(items) => items.iter().for_each(|item| collect_models(item, found)),
+            Value::Table(table) => table.values().for_each(|item| collect_models(item, found)),
             _ => {}
         }
     }
     let mut found = Vec::new();
-    plan.values().for_each(|value| within(value, &mut found));
+    plan.values().for_each(|value| collect_models(value, &mut found));
     found
 }
 
@@ -136,7 +136,7 @@ fn cameras() -> Vec<Camera> {
     ]
 }
 
-fn fixed(name: &str, axes: f64) -> Body {
+fn fixed_body(name: &str, axes: f64) -> Body {
     Body {
         name: name.into(),
         label: Some(name.into()),
@@ -149,7 +149,7 @@ fn fixed(name: &str, axes: f64) -> Body {
 }
 
 /// A body whose pose has these field names, with its axes.
-fn posed(name: &str, label: &str, port: &str, position: &str, attitude: Option<&str>, axes: f64) -> Body {
+fn body_at_pose(name: &str, label: &str, port: &str, position: &str, attitude: Option<&str>, axes: f64) -> Body {
     Body {
         name: name.into(),
         label: Some(label.to_owned()).filter(|label| !label.is_empty()),
@@ -181,7 +181,7 @@ fn base(model: Option<Model>, streams: &[StreamSpec]) -> Body {
     let attitude = streams
         .iter()
         .any(|spec| spec.port == TRUTH && spec.descriptor.field("quat_NB").is_some());
-    let mut body = posed("servicer", "B", TRUTH, "p_NB_N", attitude.then_some("quat_NB"), 0.75);
+    let mut body = body_at_pose("servicer", "B", TRUTH, "p_NB_N", attitude.then_some("quat_NB"), 0.75);
     body.shapes.push(match model {
         Some(model) => Shape::Model {
             joints: joints(&model, streams),
@@ -206,14 +206,14 @@ fn base(model: Option<Model>, streams: &[StreamSpec]) -> Body {
         (TORQUE, "base torque", 2, TORQUE_COLOUR),
     ] {
         let of = [Signal::at(TRUTH, names), Signal::at("command", names)];
-        let there = |signal: &Signal| {
+        let has_field = |signal: &Signal| {
             let named = |spec: &&StreamSpec| spec.port == signal.port;
             streams
                 .iter()
                 .filter(named)
                 .any(|spec| names.iter().any(|name| spec.descriptor.field(name).is_some()))
         };
-        if of.iter().any(there) {
+        if of.iter().any(has_field) {
             body.shapes.push(Shape::Arrow(Arrow {
                 of: of.into(),
                 along: None,
@@ -235,16 +235,16 @@ fn joints(model: &Model, streams: &[StreamSpec]) -> Vec<Signal> {
         let mut fields = truth.filter_map(|spec| names.iter().find_map(|name| spec.descriptor.field(name)));
         fields.next().map_or(0, lockstep::port::Field::len)
     };
-    let mut left = model.moving();
+    let mut remaining = model.moving();
     let mut signals = Vec::new();
     for names in [ARM_ANGLES, SLOSH_ANGLES] {
-        let taken = length(names).min(left);
+        let taken = length(names).min(remaining);
         if taken > 0 {
             signals.push(Signal::at(TRUTH, names).part(0, taken));
         }
-        left -= taken;
+        remaining -= taken;
     }
-    if left > 0 {
+    if remaining > 0 {
         signals.clear();
     }
     signals

@@ -1,7 +1,7 @@
 //! Proof of a margin: scalings that certify a level on frequency intervals, until the intervals cover all frequencies.
 
 use super::options::MarginOptions;
-use super::scalings::{Scalings, bound_until, holds};
+use super::scalings::{Scalings, bound_until, certificate_holds};
 use super::structure::{MuError, Structure};
 use crate::balance;
 use crate::linalg::{self, CMatrix, LinalgError, c64};
@@ -16,10 +16,10 @@ use crate::state_space::StateSpace;
 /// in frequency: the flanks of a spike have a width of about the inverse of this number, and rounding errors are far smaller. At the
 /// spike itself G has no effect, so the peak is unchanged. (The limit is equivalent to a complex part of half a per cent in a real
 /// parameter.)
-pub(super) const STEEPEST: f64 = 100.0;
+pub(super) const G_LIMIT: f64 = 100.0;
 
 /// A level that mu exceeds at no frequency.
-pub(super) struct Covered {
+pub(super) struct CertifiedLevel {
     /// The level.
     pub level: f64,
     /// Frequency at which it was last raised, or the given frequency.
@@ -29,24 +29,24 @@ pub(super) struct Covered {
 }
 
 /// Adds certified intervals until [0, ∞] is covered, at a level of at least `peak`, which was found at `critical`.
-pub(super) fn cover(
+pub(super) fn certify_axis(
     m: &StateSpace,
     structure: &Structure,
     options: &MarginOptions,
     peak: f64,
     critical: f64,
-) -> Result<Covered, MuError> {
-    let size = norm::climb(m, 1e-3, &[0.0, f64::INFINITY])?.gain;
+) -> Result<CertifiedLevel, MuError> {
+    let size = norm::level_set_iteration(m, 1e-3, &[0.0, f64::INFINITY])?.gain;
     // A loop that no perturbation can destabilise still needs some positive level to certify.
     let mut level = (peak * (1.0 + options.slack))
         .max(1e-6 * size)
         .max(f64::MIN_POSITIVE.sqrt());
     let mut critical = critical;
     // Remaining gaps, as pairs; the ends of the axis and the peak come first because they determine the level.
-    let mut open = vec![(0.0, f64::INFINITY)];
-    let mut first = vec![f64::INFINITY, 0.0, critical];
+    let mut gaps = vec![(0.0, f64::INFINITY)];
+    let mut priority = vec![f64::INFINITY, 0.0, critical];
     let mut used = 0;
-    while let Some(&(a, b)) = open.last() {
+    while let Some(&(a, b)) = gaps.last() {
         if used >= options.intervals {
             return Err(MuError::NotCovered {
                 steps: used,
@@ -54,44 +54,45 @@ pub(super) fn cover(
                 to: b,
             });
         }
-        let omega = first.pop().unwrap_or_else(|| middle(a, b));
+        let omega = priority.pop().unwrap_or_else(|| middle(a, b));
         used += 1;
         // The tested level is lower than the claimed one. Where mu reaches the claimed level the certificate is then violated by
         // half the slack, far more than rounding error.
         let tested = level / (1.0 + 0.5 * options.slack);
-        let steepest = Some(STEEPEST * level);
-        let bound = bound_until(&m.at(omega), structure, 0.05 * options.slack, tested, steepest)?;
+        let g_limit = Some(G_LIMIT * level);
+        let bound = bound_until(&m.at(omega), structure, 0.05 * options.slack, tested, g_limit)?;
         if bound.value >= tested {
-            level = consistent(&m.at(omega), structure, options, level, bound.value)? * (1.0 + options.slack);
+            level =
+                self_consistent_level(&m.at(omega), structure, options, level, bound.value)? * (1.0 + options.slack);
             critical = omega;
-            first.push(omega);
+            priority.push(omega);
             continue;
         }
         let (low, high) = valid_interval(m, &bound.scalings, tested, omega)?;
-        let low = confirmed(m, &bound.scalings, tested, omega, low)?;
-        let high = confirmed(m, &bound.scalings, tested, omega, high)?;
+        let low = verified_end(m, &bound.scalings, tested, omega, low)?;
+        let high = verified_end(m, &bound.scalings, tested, omega, high)?;
         if high - low <= 1e-9 * high && high.is_finite() || low == high {
             // Too narrow to help: a slightly higher level widens it.
             level *= 1.0 + options.slack;
             continue;
         }
         // The intervals are closed sets, the gaps between them open sets.
-        let mut rest = Vec::new();
-        for (from, to) in open {
+        let mut remaining_gaps = Vec::new();
+        for (from, to) in gaps {
             if to <= low || from >= high {
-                rest.push((from, to));
+                remaining_gaps.push((from, to));
                 continue;
             }
             if from < low {
-                rest.push((from, low));
+                remaining_gaps.push((from, low));
             }
             if to > high {
-                rest.push((high, to));
+                remaining_gaps.push((high, to));
             }
         }
-        open = rest;
+        gaps = remaining_gaps;
     }
-    Ok(Covered {
+    Ok(CertifiedLevel {
         level,
         critical,
         intervals: used,
@@ -100,7 +101,7 @@ pub(super) fn cover(
 
 /// The level at one frequency that is proved with G limited by that level itself. It lies above `low`; the limit at `low` only
 /// proves `high`: a level far too low forces G close to zero, and the bound is then that of complex parameters.
-fn consistent(
+fn self_consistent_level(
     m: &CMatrix,
     structure: &Structure,
     options: &MarginOptions,
@@ -110,7 +111,7 @@ fn consistent(
     let (mut low, mut high) = (low, high.max(low));
     while high > low * (1.0 + options.slack) {
         let trial = (low * high).sqrt();
-        let proved = bound_until(m, structure, 0.05 * options.slack, 0.0, Some(STEEPEST * trial))?.value;
+        let proved = bound_until(m, structure, 0.05 * options.slack, 0.0, Some(G_LIMIT * trial))?.value;
         // A larger limit of G proves a lower level: the proved level is above the answer if it is above the trial, and below it otherwise.
         if proved > trial {
             (low, high) = (trial, high.min(proved));
@@ -185,22 +186,22 @@ fn valid_interval(m: &StateSpace, s: &Scalings, level: f64, omega: f64) -> Resul
 
 /// The last test point between `omega` and an end of its interval up to which the certificate is verified: a few points in between,
 /// and one within a millionth of the end, so that no end relies on the accuracy of an eigenvalue.
-fn confirmed(m: &StateSpace, s: &Scalings, level: f64, omega: f64, end: f64) -> Result<f64, LinalgError> {
-    let way = [0.1, 0.3, 0.5, 0.7, 0.9, 1.0 - 1e-6];
-    let points = way.map(|part| match (omega.is_finite(), end.is_finite()) {
+fn verified_end(m: &StateSpace, s: &Scalings, level: f64, omega: f64, end: f64) -> Result<f64, LinalgError> {
+    let fractions = [0.1, 0.3, 0.5, 0.7, 0.9, 1.0 - 1e-6];
+    let points = fractions.map(|part| match (omega.is_finite(), end.is_finite()) {
         (true, true) => omega + part * (end - omega),
         (true, false) => omega.max(1e-3) * 1e6f64.powf(part),
         (false, _) => end.max(1e-3) * 1e6f64.powf(1.0 - part),
     });
     let mut last = omega;
     for point in points {
-        if !holds(&m.at(point), s, level)? {
+        if !certificate_holds(&m.at(point), s, level)? {
             return Ok(last);
         }
         last = point;
     }
     // Zero and infinity belong to the axis and are included.
-    if (end == 0.0 || end.is_infinite()) && holds(&m.at(end), s, level)? {
+    if (end == 0.0 || end.is_infinite()) && certificate_holds(&m.at(end), s, level)? {
         last = end;
     }
     Ok(last)
@@ -267,7 +268,7 @@ mod tests {
 
     /// The proof finds a spike of zero width by itself: its initial peak is close to zero and at a frequency far away.
     #[test]
-    fn a_spike_between_two_certificates_is_not_missed() {
+    fn spike_between_two_certificates_is_found() {
         for k in [
             [20.0, 20.0, 20.0],
             [30.0, 12.0, 9.0],
@@ -277,8 +278,8 @@ mod tests {
             let (m, structure, exact) = delayed_masses(k);
             let options = MarginOptions::default();
             for critical in [1.0, 50.0] {
-                let covered = cover(&m, &structure, &options, 1e-6, critical).unwrap();
-                let proved = 1.0 / covered.level;
+                let certified = certify_axis(&m, &structure, &options, 1e-6, critical).unwrap();
+                let proved = 1.0 / certified.level;
                 assert!(proved < exact, "from {critical}: {proved} against {exact}");
                 assert!(proved > 0.98 * exact, "from {critical}: {proved} against {exact}");
             }

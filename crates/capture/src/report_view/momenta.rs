@@ -6,7 +6,7 @@ use multibody::nalgebra::Vector3;
 use multibody::{BodyInfo, Description, DynState, DynTree, Quaternion, UrdfOptions};
 use serde::Deserialize;
 
-use super::table::{ARM_ANGLES, Names, SLOSH_ANGLES, Share};
+use super::table::{ARM_ANGLES, MomentumQuantity, Names, SLOSH_ANGLES};
 use tape::StreamSpec;
 
 /// The required parameters of the target.
@@ -117,16 +117,16 @@ impl Momenta {
             true => Some(bob(&tree, &description, vector(&["slosh_direction_B"])?)?),
             false => None,
         };
-        let heavy: Vec<BodyInfo> = tree.bodies().into_iter().filter(|body| body.mass > 0.0).collect();
+        let with_mass: Vec<BodyInfo> = tree.bodies().into_iter().filter(|body| body.mass > 0.0).collect();
         let is_arm = |at: &usize| {
-            let coordinate = heavy.get(*at).and_then(|body| body.coordinate);
+            let coordinate = with_mass.get(*at).and_then(|body| body.coordinate);
             coordinate.is_some_and(|coordinate| coordinate < fields.q.len())
         };
-        let (arm, others): (Vec<usize>, Vec<usize>) = (0..heavy.len()).partition(is_arm);
+        let (arm, others): (Vec<usize>, Vec<usize>) = (0..with_mass.len()).partition(is_arm);
         let leading = others.len() + 1;
-        let order = [others, vec![heavy.len()], arm].concat();
+        let order = [others, vec![with_mass.len()], arm].concat();
         let name = |at: &usize| {
-            heavy
+            with_mass
                 .get(*at)
                 .map_or("target".into(), |body| body.link.replace('_', " "))
         };
@@ -142,7 +142,7 @@ impl Momenta {
     }
 
     /// The labels of the curves of a figure, in the order of [`Momenta::values`].
-    pub(super) fn labels(&self, share: Share) -> Vec<String> {
+    pub(super) fn labels(&self, quantity: MomentumQuantity) -> Vec<String> {
         let (leading, arm) = self.names.split_at(self.leading);
         let with = |others: &[&str]| {
             let others = others.iter().map(|other| (*other).to_owned());
@@ -153,15 +153,15 @@ impl Momenta {
                 .chain(arm.iter().cloned())
                 .collect()
         };
-        match share {
-            Share::Linear(_) => with(&["sum"]),
-            Share::Angular(_) => with(&["wheels", "sum"]),
-            Share::Centre => ["x", "y", "z"].map(String::from).into(),
+        match quantity {
+            MomentumQuantity::Linear(_) => with(&["sum"]),
+            MomentumQuantity::Angular(_) => with(&["wheels", "sum"]),
+            MomentumQuantity::Centre => ["x", "y", "z"].map(String::from).into(),
         }
     }
 
     /// The curves of a figure in one record.
-    pub(super) fn values(&self, share: Share, payload: &[u8], out: &mut [f64]) {
+    pub(super) fn values(&self, quantity: MomentumQuantity, payload: &[u8], out: &mut [f64]) {
         let bodies = self.bodies(payload);
         let wheels = self.base(payload).rotate(&vector(&self.fields.wheels, payload));
         let mass: f64 = bodies.iter().map(|body| body.mass).sum();
@@ -174,19 +174,19 @@ impl Momenta {
         let (leading, arm) = self.order.split_at(self.leading);
         let mut slots = out.iter_mut();
         let mut put = |y: f64| slots.next().into_iter().for_each(|slot| *slot = y);
-        match share {
-            Share::Linear(axis) => {
+        match quantity {
+            MomentumQuantity::Linear(axis) => {
                 leading.iter().for_each(|at| put(bodies[*at].linear[axis]));
                 put(linear[axis]);
                 arm.iter().for_each(|at| put(bodies[*at].linear[axis]));
             }
-            Share::Angular(axis) => {
+            MomentumQuantity::Angular(axis) => {
                 leading.iter().for_each(|at| put(angular[*at][axis]));
                 put(wheels[axis]);
                 put(total[axis]);
                 arm.iter().for_each(|at| put(angular[*at][axis]));
             }
-            Share::Centre => centre.iter().for_each(|x| put(*x)),
+            MomentumQuantity::Centre => centre.iter().for_each(|x| put(*x)),
         }
     }
 
@@ -209,12 +209,12 @@ impl Momenta {
             q: [all(&f.q), hinges(&f.slosh)].concat(),
             nu: [omega.as_slice(), v.as_slice(), &all(&f.qdot), &hinges(&f.slosh_rate)].concat(),
         };
-        let heavy = self
+        let with_mass = self
             .tree
             .body_momenta(&state)
             .into_iter()
             .filter(|body| body.mass > 0.0);
-        let mut bodies: Vec<Body> = heavy
+        let mut bodies: Vec<Body> = with_mass
             .map(|body| Body {
                 mass: body.mass,
                 p: body.p_bc,

@@ -56,12 +56,12 @@ impl Bob {
 
 /// The servicer without the hinges, and the pendulum on its base.
 #[derive(Debug, Clone)]
-pub struct Sphere {
+pub struct SphericalPendulum {
     tree: SloshTree<JOINTS, RIGID>,
     end_effector: FrameId,
 }
 
-impl Sphere {
+impl SphericalPendulum {
     /// Replaces the two hinges of `description` by a spherical pendulum with the same bob.
     ///
     /// # Errors
@@ -151,7 +151,7 @@ impl Sphere {
         (all, w)
     }
 
-    /// Mass matrix of base, joints and the bob's two directions from [`across`].
+    /// Mass matrix of base, joints and the bob's two directions from [`perpendicular_directions`].
     pub fn mass_matrix(&self, servicer: &Servicer, bob: &Bob) -> SMatrix<f64, VELOCITIES, VELOCITIES> {
         let c = self.tree.slosh();
         let state = self.state(servicer, bob);
@@ -169,7 +169,7 @@ impl Sphere {
         speed.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
         turn.fixed_view_mut::<3, 3>(0, 0)
             .copy_from(&(Matrix3::identity() - bob.d * bob.d.transpose()));
-        for (column, direction) in across(&bob.d).iter().enumerate() {
+        for (column, direction) in perpendicular_directions(&bob.d).iter().enumerate() {
             speed.set_column(RIGID + column, &(direction.cross(&bob.d) * c.length));
             turn.set_column(RIGID + column, direction);
         }
@@ -178,7 +178,7 @@ impl Sphere {
 }
 
 /// Two unit vectors perpendicular to `d` and to each other.
-pub fn across(d: &Vector3<f64>) -> [Vector3<f64>; 2] {
+pub fn perpendicular_directions(d: &Vector3<f64>) -> [Vector3<f64>; 2] {
     // start from the base axis that is furthest from d, so that the product is never small
     let axis = d.iamin();
     let first = d.cross(&Vector3::ith(axis, 1.0)).normalize();
@@ -208,7 +208,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn angles_are_those_of_the_hinges_for_small_swings_and_of_the_turn_for_large_ones() {
+    fn pendulum_angles_agree_with_hinges_and_rotation() {
         let small = Bob::at([0.02, -0.01], [0.0; 2]).angles();
         assert!(
             (small[0] - 0.02).abs() < 1e-5 && (small[1] + 0.01).abs() < 1e-5,
@@ -223,14 +223,14 @@ mod tests {
     }
 
     #[test]
-    fn directions_across_are_square() {
+    fn perpendicular_directions_are_orthonormal() {
         for d in [
             Vector3::x(),
             -Vector3::y(),
             Vector3::new(0.6, 0.0, -0.8),
             Vector3::new(1.0, 1.0, 1.0).normalize(),
         ] {
-            let [a, b] = across(&d);
+            let [a, b] = perpendicular_directions(&d);
             let worst = [a.dot(&b), a.dot(&d), b.dot(&d), a.norm() - 1.0, b.norm() - 1.0];
             assert!(worst.iter().all(|value| value.abs() < 1e-15), "{worst:?}");
         }

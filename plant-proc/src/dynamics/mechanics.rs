@@ -1,11 +1,11 @@
 //! The servicer's equations of motion, augmented with wheel momentum, impulses, work and losses: these are integrated with
 //! the same stages, so the ledger closes to the accuracy of the integrator.
 
-use multibody::{Flow, Number, Rate};
+use multibody::{Number, OdeSystem, Rate};
 use nalgebra::{SVector, Vector3};
 
 use super::constraint::hold_joints;
-use super::sphere::across;
+use super::spherical_pendulum::perpendicular_directions;
 use super::{Bob, COORDINATES, Forces, Model, Motion, VELOCITIES};
 
 /// Rates of a [`Motion`].
@@ -28,24 +28,24 @@ pub struct Mechanics<'a> {
 }
 
 /// Forces at one state of the servicer.
-pub(super) struct Acting<T> {
+pub(super) struct AppliedForces<T> {
     /// Generalised force on the servicer.
     pub(super) generalised: SVector<T, VELOCITIES>,
     /// Rate of the wheels' momentum.
     wheel_rate: Vector3<T>,
 }
 
-impl<T: Number> Acting<T> {
+impl<T: Number> AppliedForces<T> {
     /// The actuators' forces, with the gyroscopic torque of the wheels on the uncompensated axes.
     #[inline(always)]
     pub(super) fn of(motion: &Motion<T>, forces: &Forces<T>) -> Self {
-        let turned = motion.servicer.omega().cross(&motion.wheel_momentum);
+        let gyroscopic_torque = motion.servicer.omega().cross(&motion.wheel_momentum);
         let (mut wheel_torque, mut wheel_rate) = (forces.wheel_torque, -forces.wheel_torque);
         for (axis, compensated) in forces.compensated.iter().enumerate() {
             if *compensated {
-                wheel_rate[axis] -= turned[axis];
+                wheel_rate[axis] -= gyroscopic_torque[axis];
             } else {
-                wheel_torque[axis] -= turned[axis];
+                wheel_torque[axis] -= gyroscopic_torque[axis];
             }
         }
         let torque = wheel_torque + forces.thruster_torque;
@@ -88,10 +88,10 @@ impl<T: Number> Acting<T> {
 impl<T: Number> Motion<T> {
     /// `self + Σ kᵢ rateᵢ`; the bob moves where the pendulum is spherical.
     #[inline(always)]
-    pub(super) fn moved(&self, by: &[(f64, &MotionRate<T>)], spherical: bool) -> Self {
+    pub(super) fn plus_rates(&self, by: &[(f64, &MotionRate<T>)], spherical: bool) -> Self {
         let mut out = *self;
         for (k, rate) in by {
-            out.servicer.shift(*k, &rate.servicer);
+            out.servicer.add_rate(*k, &rate.servicer);
             let k = T::of(*k);
             if spherical {
                 out.bob.d += rate.bob.d * k;
@@ -107,7 +107,7 @@ impl<T: Number> Motion<T> {
     }
 }
 
-impl Flow for Mechanics<'_> {
+impl OdeSystem for Mechanics<'_> {
     type State = Motion;
     type Rate = MotionRate;
     type Force = Forces;
@@ -115,11 +115,11 @@ impl Flow for Mechanics<'_> {
     #[inline]
     fn rate(&self, motion: &Motion, forces: &Forces) -> MotionRate {
         let servicer = &motion.servicer;
-        let acting = Acting::of(motion, forces);
-        let generalised = &acting.generalised;
+        let applied = AppliedForces::of(motion, forces);
+        let generalised = &applied.generalised;
         let braked = forces.braked.contains(&true);
         // a brake does no work: the braked joint does not move
-        let own = match &self.model.sphere {
+        let rates = match &self.model.spherical {
             None => {
                 let tree = &self.model.tree;
                 let mut nu = tree.forward_dynamics(servicer, generalised);
@@ -128,36 +128,36 @@ impl Flow for Mechanics<'_> {
                 }
                 (nu, Bob::NONE, tree.damper_power(&servicer.nu))
             }
-            Some(sphere) => {
-                let (mut nu, mut w) = sphere.accelerations(servicer, &motion.bob, generalised);
+            Some(spherical) => {
+                let (mut nu, mut w) = spherical.accelerations(servicer, &motion.bob, generalised);
                 if braked {
-                    hold_joints(&sphere.mass_matrix(servicer, &motion.bob), &forces.braked, &mut nu);
-                    let [first, second] = across(&motion.bob.d);
+                    hold_joints(&spherical.mass_matrix(servicer, &motion.bob), &forces.braked, &mut nu);
+                    let [first, second] = perpendicular_directions(&motion.bob.d);
                     w += first * nu[VELOCITIES - 2] + second * nu[VELOCITIES - 1];
                     (nu[VELOCITIES - 2], nu[VELOCITIES - 1]) = (0.0, 0.0);
                 }
                 let d = motion.bob.w.cross(&motion.bob.d);
-                let power = sphere.tree().damper_power(&sphere.state(servicer, &motion.bob));
+                let power = spherical.tree().damper_power(&spherical.state(servicer, &motion.bob));
                 (nu, Bob { d, w }, power)
             }
         };
-        acting.rates(motion, forces, own)
+        applied.rates(motion, forces, rates)
     }
 
     #[inline]
-    fn moved(&self, motion: &Motion, by: &[(f64, &MotionRate)]) -> Motion {
-        motion.moved(by, self.model.sphere.is_some())
+    fn plus_rates(&self, motion: &Motion, by: &[(f64, &MotionRate)]) -> Motion {
+        motion.plus_rates(by, self.model.spherical.is_some())
     }
 
     #[inline]
-    fn restored(&self, motion: Motion) -> Motion {
+    fn projected(&self, motion: Motion) -> Motion {
         let mut bob = motion.bob;
-        if self.model.sphere.is_some() {
+        if self.model.spherical.is_some() {
             bob.d = bob.d.normalize();
             bob.w -= bob.d * bob.d.dot(&bob.w);
         }
         Motion {
-            servicer: motion.servicer.restored(),
+            servicer: motion.servicer.projected(),
             bob,
             ..motion
         }

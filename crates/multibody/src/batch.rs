@@ -1,8 +1,8 @@
 //! SIMD evaluation of several trees of one shape.
 
-use crate::integrate::{Flow, Rate};
+use crate::integrate::{OdeSystem, Rate};
 use crate::kernel::jacobian::{self, FrameConsts};
-use crate::kernel::place::{place, rates};
+use crate::kernel::poses::{body_poses, rates};
 use crate::kernel::{Link, Model, Rigid, aba, momentum};
 use crate::num::{Lanes, Static, V3};
 use crate::state::State;
@@ -13,7 +13,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 /// lane, to that of the single [`Tree`].
 ///
 /// ```
-/// use multibody::{Description, F64x4, Flow, Lanes, State, Tree, Trees, rk4};
+/// use multibody::{Description, F64x4, Lanes, OdeSystem, State, Tree, Trees, rk4};
 /// use nalgebra::SVector;
 ///
 /// let pendulum = |mass: f64| {
@@ -31,9 +31,9 @@ use nalgebra::{SMatrix, SVector, Vector3};
 /// state.nu[6] = 0.3; // rad/s
 /// let alone = rk4(&trees[2], &state, &SVector::zeros(), 1e-3);
 ///
-/// let abreast = Trees::<1, 7, F64x4>::new(&trees.each_ref()).expect("they have one shape");
+/// let batch = Trees::<1, 7, F64x4>::new(&trees.each_ref()).expect("they have one shape");
 /// let states = State::gather(&[&state; 4]);
-/// let all = rk4(&abreast, &states, &SVector::repeat(F64x4::gather(|_| 0.0)), 1e-3);
+/// let all = rk4(&batch, &states, &SVector::repeat(F64x4::gather(|_| 0.0)), 1e-3);
 /// assert_eq!(all.lane(2), alone);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -113,15 +113,15 @@ impl<const N: usize, const V: usize, T: Lanes> Trees<N, V, T> {
     #[inline(always)]
     pub fn kinematics(&self, state: &State<N, V, T>) -> Kinematics<N, V, T> {
         let nu = &state.nu.data.0[0];
-        let placed = place::<Static<N>, T, T>(self.model(), &state.q.data.0[0]);
-        let rates = rates::<Static<N>, T, T>(self.model(), &placed, nu);
-        Kinematics { placed, rates, nu: *nu }
+        let poses = body_poses::<Static<N>, T, T>(self.model(), &state.q.data.0[0]);
+        let rates = rates::<Static<N>, T, T>(self.model(), &poses, nu);
+        Kinematics { poses, rates, nu: *nu }
     }
 
     /// Pose of a frame in the base: (`p_BE`, columns of `R_BE`).
     #[inline(always)]
     pub fn placement(&self, k: &Kinematics<N, V, T>, frame: FrameId) -> (Vector3<T>, [Vector3<T>; 3]) {
-        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed, &k.rates);
+        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.poses, &k.rates);
         (vector(p), r.c.map(vector))
     }
 
@@ -130,14 +130,14 @@ impl<const N: usize, const V: usize, T: Lanes> Trees<N, V, T> {
     pub fn jacobian(&self, k: &Kinematics<N, V, T>, frame: FrameId) -> SMatrix<T, 6, V> {
         let mut out = SMatrix::<T, 6, V>::zeros();
         let frame = &self.frames[frame.0];
-        jacobian::jacobian::<T, T, false>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
+        jacobian::jacobian::<T, T, false>(self.model(), &k.poses, &k.rates, k.omega(), frame, out.as_mut_slice());
         out
     }
 
     /// Momentum and kinetic energy, as [`Tree::momentum_and_energy`].
     #[inline(always)]
     pub fn momentum_and_energy(&self, k: &Kinematics<N, V, T>) -> (Momentum<T>, T) {
-        let sums = momentum::sums(self.model(), &k.placed, &k.rates, &k.nu);
+        let sums = momentum::sums(self.model(), &k.poses, &k.rates, &k.nu);
         let v = self.model().base_part(&k.nu).1;
         (Momentum::of(&sums, v), sums.energy_at(v))
     }
@@ -162,7 +162,7 @@ fn rigid<'a, T: Lanes>(of: impl Fn(usize) -> &'a Rigid) -> Rigid<T> {
     }
 }
 
-impl<const N: usize, const V: usize, T: Lanes> Flow for Trees<N, V, T> {
+impl<const N: usize, const V: usize, T: Lanes> OdeSystem for Trees<N, V, T> {
     type State = State<N, V, T>;
     type Rate = Rate<N, V, T>;
     type Force = SVector<T, V>;
@@ -173,13 +173,13 @@ impl<const N: usize, const V: usize, T: Lanes> Flow for Trees<N, V, T> {
     }
 
     #[inline(always)]
-    fn moved(&self, s: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State {
-        s.moved(by)
+    fn plus_rates(&self, s: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State {
+        s.plus_rates(by)
     }
 
     #[inline(always)]
-    fn restored(&self, s: Self::State) -> Self::State {
-        s.restored()
+    fn projected(&self, s: Self::State) -> Self::State {
+        s.projected()
     }
 }
 

@@ -153,12 +153,16 @@ impl Robot {
     ///
     /// # Errors
     /// Wrong number of joint angles, an impossible factor, a payload at a nonzero velocity.
-    pub fn body(&self, model: &ModelSpec) -> Result<Body, RobotError> {
+    pub fn linearise(&self, model: &ModelSpec) -> Result<Body, RobotError> {
         self.check(model)?;
         let n = self.channels();
-        let known = self.tree(model, true)?;
-        let mass = self.mass(&known, &self.state(&known, model)?, model)?;
-        let tree = if model.slosh { self.tree(model, false)? } else { known };
+        let frozen_tree = self.tree(model, true)?;
+        let mass = self.mass(&frozen_tree, &self.state(&frozen_tree, model)?, model)?;
+        let tree = if model.slosh {
+            self.tree(model, false)?
+        } else {
+            frozen_tree
+        };
         let state = self.state(&tree, model)?;
         let full = self.mass(&tree, &state, model)?;
         let nv = tree.dim();
@@ -168,11 +172,11 @@ impl Robot {
         if state.nu.iter().any(|x| *x != 0.0) {
             let step = 0.5;
             for k in 0..nv {
-                let mut moved = state.clone();
-                moved.nu[k] = state.nu[k] + step;
-                let up = tree.bias(&moved);
-                moved.nu[k] = state.nu[k] - step;
-                let down = tree.bias(&moved);
+                let mut perturbed = state.clone();
+                perturbed.nu[k] = state.nu[k] + step;
+                let up = tree.bias(&perturbed);
+                perturbed.nu[k] = state.nu[k] - step;
+                let down = tree.bias(&perturbed);
                 for i in 0..nv {
                     slope[(i, k)] = -(up[i] - down[i]) / (2.0 * step);
                 }
@@ -186,9 +190,9 @@ impl Robot {
         // The actuated joints come first if the slosh joints are declared last in the description; otherwise the order of the
         // joints differs, so select by name.
         let order = self.order(&tree);
-        let pick = |m: &Matrix| Matrix::from_fn(nv, nv, |i, j| m[(order[i], order[j])]);
-        let a = pick(&(&inverse * &slope));
-        let b = linalg::sub(&pick(&inverse), 0, 0, nv, n);
+        let reorder = |m: &Matrix| Matrix::from_fn(nv, nv, |i, j| m[(order[i], order[j])]);
+        let a = reorder(&(&inverse * &slope));
+        let b = linalg::sub(&reorder(&inverse), 0, 0, nv, n);
         Ok(Body {
             channels: n,
             mass,
@@ -306,7 +310,7 @@ impl Robot {
     /// inertia. The mass matrix is linear in all three.
     ///
     /// # Errors
-    /// As [`Self::body`].
+    /// As [`Self::linearise`].
     pub fn mass_slopes(&self, model: &ModelSpec) -> Result<[Matrix; 3], RobotError> {
         let at = |m: &ModelSpec| -> Result<Matrix, RobotError> {
             let tree = self.tree(m, true)?;
@@ -315,13 +319,13 @@ impl Robot {
         let nominal = at(model)?;
         let mut out = [nominal.clone(), nominal.clone(), nominal.clone()];
         for (k, slope) in out.iter_mut().enumerate() {
-            let mut moved = model.clone();
+            let mut perturbed = model.clone();
             match k {
-                0 => moved.base_mass += 1.0,
-                1 => moved.base_inertia += 1.0,
-                _ => moved.arm_inertia += 1.0,
+                0 => perturbed.base_mass += 1.0,
+                1 => perturbed.base_inertia += 1.0,
+                _ => perturbed.arm_inertia += 1.0,
             }
-            *slope = at(&moved)? - &nominal;
+            *slope = at(&perturbed)? - &nominal;
         }
         Ok(out)
     }

@@ -5,7 +5,7 @@ use crate::num::{Constant, List, Mat3, Real, Size, V3};
 
 /// Pose of a body's frame L, in base axes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Placed<T> {
+pub(crate) struct BodyPose<T> {
     /// `R_BL`; its third column is the joint axis.
     pub r: Mat3<T>,
     /// Origin of L from the origin of the parent (m).
@@ -19,7 +19,7 @@ pub(crate) struct Rates<T> {
     pub p: V3<T>,
     /// Inertial angular velocity of L (rad/s).
     pub omega: V3<T>,
-    /// Inertial rate of [`Placed::d`] (m/s).
+    /// Inertial rate of [`BodyPose::d`] (m/s).
     pub d: V3<T>,
     /// Inertial rate of the joint axis (1/s).
     pub z: V3<T>,
@@ -27,7 +27,7 @@ pub(crate) struct Rates<T> {
     pub p_rate: V3<T>,
 }
 
-impl<T: Real> Placed<T> {
+impl<T: Real> BodyPose<T> {
     /// The joint axis.
     #[inline(always)]
     pub(crate) fn z(&self) -> V3<T> {
@@ -60,10 +60,10 @@ impl<T: Real> Rates<T> {
 
 /// Poses at `q`, base first.
 #[inline(always)]
-pub(crate) fn place<Z: Size, T: Real, K: Constant<T>>(model: Model<K>, q: &[T]) -> Z::List<Placed<T>> {
-    let trig = sines::<Z, T>(model.bodies.len(), q);
-    let mut out = Z::List::<Placed<T>>::with_capacity(model.bodies.len() + 1);
-    out.push(Placed::base());
+pub(crate) fn body_poses<Z: Size, T: Real, K: Constant<T>>(model: Model<K>, q: &[T]) -> Z::List<BodyPose<T>> {
+    let trig = joint_sin_cos::<Z, T>(model.bodies.len(), q);
+    let mut out = Z::List::<BodyPose<T>>::with_capacity(model.bodies.len() + 1);
+    out.push(BodyPose::base());
     for link in model.bodies {
         let parent = &out[link.parent];
         let (s, c) = trig[link.coordinate];
@@ -72,18 +72,18 @@ pub(crate) fn place<Z: Size, T: Real, K: Constant<T>>(model: Model<K>, q: &[T]) 
         if link.prismatic {
             d = r.c[2].mul_add(q[link.coordinate], d);
         }
-        out.push(Placed { r, d });
+        out.push(BodyPose { r, d });
     }
     out
 }
 
-/// Rates at `nu` of the bodies placed at `placed`, base first.
+/// Rates at `nu` of the bodies placed at `poses`, base first.
 #[inline(always)]
-pub(crate) fn rates<Z: Size, T: Real, K>(model: Model<K>, placed: &[Placed<T>], nu: &[T]) -> Z::List<Rates<T>> {
+pub(crate) fn rates<Z: Size, T: Real, K>(model: Model<K>, poses: &[BodyPose<T>], nu: &[T]) -> Z::List<Rates<T>> {
     let offset = model.offset();
     let mut out = Z::List::<Rates<T>>::with_capacity(model.bodies.len() + 1);
     out.push(Rates::base(model.base_part(nu).0));
-    for (link, at) in model.bodies.iter().zip(&placed[1..]) {
+    for (link, at) in model.bodies.iter().zip(&poses[1..]) {
         let parent = &out[link.parent];
         let along = at.z() * nu[offset + link.coordinate];
         let z = parent.omega.cross(at.z());
@@ -101,7 +101,7 @@ pub(crate) fn rates<Z: Size, T: Real, K>(model: Model<K>, placed: &[Placed<T>], 
 /// Sine and cosine of every coordinate, four at a time. Prismatic positions are included: skipping them would cost more
 /// than it saves.
 #[inline(always)]
-pub(crate) fn sines<Z: Size, T: Real>(joints: usize, q: &[T]) -> Z::List<(T, T)> {
+pub(crate) fn joint_sin_cos<Z: Size, T: Real>(joints: usize, q: &[T]) -> Z::List<(T, T)> {
     let mut out = Z::List::<(T, T)>::with_capacity(joints);
     T::sin_cos_each(&q[..joints], |s, c| out.push((s, c)));
     out

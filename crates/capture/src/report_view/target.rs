@@ -17,9 +17,9 @@ pub(super) fn solids(plan: &Table) -> Vec<Solid> {
     if g.norm() < 1e-3 {
         return Vec::new();
     }
-    let mut satellite = Satellite::around(g);
-    satellite.bus();
-    satellite.fixture();
+    let mut satellite = Satellite::with_grasp_point(g);
+    satellite.add_bus();
+    satellite.add_fixture();
     satellite.solids
 }
 
@@ -32,19 +32,19 @@ struct Satellite {
     /// The edges of the bus, m.
     size: [f64; 3],
     /// The rotation from a frame whose z axis is the outward normal of that face to the target's axes.
-    out: Rotation3<f64>,
+    face_to_target: Rotation3<f64>,
     rpy: [f64; 3],
 }
 
 impl Satellite {
-    fn around(g: Vector3<f64>) -> Satellite {
+    fn with_grasp_point(g: Vector3<f64>) -> Satellite {
         let (d, u) = (g.norm(), g.normalize());
         let axis = g.iamax();
         let (pitch, yaw) = (u.x.hypot(u.y).atan2(u.z), u.y.atan2(u.x));
         Satellite {
             solids: Vec::new(),
             size: std::array::from_fn(|i| if i == axis { 2.0 * d * 0.985 } else { 1.54 * d }),
-            out: Rotation3::from_euler_angles(0.0, pitch, yaw),
+            face_to_target: Rotation3::from_euler_angles(0.0, pitch, yaw),
             rpy: [0.0, pitch, yaw],
             axis,
             d,
@@ -63,8 +63,8 @@ impl Satellite {
     }
 
     /// A solid on the face with the grasp point; sizes and position are multiples of the point's distance.
-    fn on(&mut self, kind: Kind, size: [f64; 3], place: [f64; 3], role: &'static str) {
-        let at = self.out * (Vector3::from(place) * self.d);
+    fn add_on_face(&mut self, kind: Kind, size: [f64; 3], place: [f64; 3], role: &'static str) {
+        let at = self.face_to_target * (Vector3::from(place) * self.d);
         self.add(kind, size.map(|length| length * self.d), at.into(), role);
         if let Some(solid) = self.solids.last_mut() {
             solid.rpy = self.rpy;
@@ -72,7 +72,7 @@ impl Satellite {
     }
 
     /// The bus with rails along all edges, solar cells on its sides, and wings along the longer axis of the face.
-    fn bus(&mut self) {
+    fn add_bus(&mut self) {
         let (d, size, axis) = (self.d, self.size, self.axis);
         self.add(Kind::Box, size, [0.0; 3], "silver");
         for i in 0..3 {
@@ -109,18 +109,18 @@ impl Satellite {
 
     /// A launch ring at the back; at the front the grapple fixture: a ring to hold, a post in its middle, a plate with
     /// marks for the camera; next to it a nozzle and an antenna.
-    fn fixture(&mut self) {
+    fn add_fixture(&mut self) {
         use Kind::{Box, Cylinder, Sphere};
-        self.on(Cylinder, [0.42, 0.42, 0.06], [0.0, 0.0, -1.0], "metal");
-        self.on(Box, [0.62, 0.62, 0.012], [0.0, 0.0, 0.985], "dark");
-        self.on(Cylinder, [0.22, 0.22, 0.022], [0.0, 0.0, 0.994], "ring");
-        self.on(Cylinder, [0.185, 0.185, 0.026], [0.0, 0.0, 0.994], "dark");
-        self.on(Cylinder, [0.035, 0.035, 0.05], [0.0, 0.0, 0.985], "metal");
+        self.add_on_face(Cylinder, [0.42, 0.42, 0.06], [0.0, 0.0, -1.0], "metal");
+        self.add_on_face(Box, [0.62, 0.62, 0.012], [0.0, 0.0, 0.985], "dark");
+        self.add_on_face(Cylinder, [0.22, 0.22, 0.022], [0.0, 0.0, 0.994], "ring");
+        self.add_on_face(Cylinder, [0.185, 0.185, 0.026], [0.0, 0.0, 0.994], "dark");
+        self.add_on_face(Cylinder, [0.035, 0.035, 0.05], [0.0, 0.0, 0.985], "metal");
         for (x, y) in [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)] {
-            self.on(Cylinder, [0.028, 0.028, 0.016], [x, y, 0.99], "radiator");
+            self.add_on_face(Cylinder, [0.028, 0.028, 0.016], [x, y, 0.99], "radiator");
         }
-        self.on(Cylinder, [0.1, 0.13, 0.2], [0.52, 0.5, 1.05], "nozzle");
-        self.on(Cylinder, [0.016, 0.016, 0.5], [-0.55, 0.5, 1.15], "metal");
-        self.on(Sphere, [0.03, 0.0, 0.0], [-0.55, 0.5, 1.42], "ring");
+        self.add_on_face(Cylinder, [0.1, 0.13, 0.2], [0.52, 0.5, 1.05], "nozzle");
+        self.add_on_face(Cylinder, [0.016, 0.016, 0.5], [-0.55, 0.5, 1.15], "metal");
+        self.add_on_face(Sphere, [0.03, 0.0, 0.0], [-0.55, 0.5, 1.42], "ring");
     }
 }

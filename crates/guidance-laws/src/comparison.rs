@@ -73,7 +73,7 @@ pub struct State {
 
 /// The comparison guidance.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ReferenceGuidance {
+pub struct ComparisonGuidance {
     parameters: Parameters,
     end_effector: CaptureGuidance,
     base_start: Option<Pose>,
@@ -86,7 +86,7 @@ fn arm_part(parameters: &Parameters) -> capture::Parameters {
     }
 }
 
-impl ReferenceGuidance {
+impl ComparisonGuidance {
     /// A guidance in its initial state.
     ///
     /// # Errors

@@ -28,12 +28,12 @@ impl std::error::Error for UrdfErrors {}
 
 /// One error in a text.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{}{fault}", shown(*.line))]
+#[error("{}{kind}", line_prefix(*.line))]
 pub struct UrdfError {
     /// The line, from 1; `None` for an error of the whole text.
     pub line: Option<u32>,
     /// The error.
-    pub fault: UrdfFault,
+    pub kind: UrdfErrorKind,
 }
 
 /// Content of a text that the dynamics ignore, or that is odd but readable.
@@ -47,17 +47,17 @@ pub struct UrdfWarning {
 
 impl fmt::Display for UrdfWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}{}", shown(self.line), self.text)
+        write!(f, "{}{}", line_prefix(self.line), self.text)
     }
 }
 
-fn shown(line: Option<u32>) -> String {
+fn line_prefix(line: Option<u32>) -> String {
     line.map_or_else(String::new, |line| format!("line {line}: "))
 }
 
 /// The error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum UrdfFault {
+pub enum UrdfErrorKind {
     /// Not XML.
     #[error("not well-formed XML: {0}")]
     Xml(String),
@@ -77,7 +77,7 @@ pub enum UrdfFault {
     },
     /// An element that may occur only once.
     #[error("{owner}: a second {element}; give one")]
-    Twice {
+    Duplicate {
         /// The link or joint.
         owner: String,
         /// The element.
@@ -135,7 +135,7 @@ pub enum UrdfFault {
     Description(#[from] DescriptionError),
 }
 
-impl UrdfFault {
+impl UrdfErrorKind {
     /// Whether the error is a physically impossible body: [`UrdfOptions::allow_unphysical`](super::UrdfOptions) accepts it.
     pub fn is_unphysical(&self) -> bool {
         use DescriptionError::{InertiaNotPositive, Negative, Triangle};

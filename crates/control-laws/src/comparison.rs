@@ -14,7 +14,7 @@ use crate::model::ControlModel;
 use crate::outer::{AttitudeError, AttitudeLaw, AttitudeState, OuterParameters};
 use crate::tracker::{Tracker, TrackerParameters, TrackerState};
 use crate::{DOF, Dof, JOINTS, Jacobian, Measured, ParameterError, Twist};
-use guidance_laws::{Between, Pose, SetPoint};
+use guidance_laws::{InterSample, Pose, SetPoint};
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -34,7 +34,7 @@ pub struct Parameters {
     /// Shaping filter and inner loop.
     pub tracker: TrackerParameters,
     /// Set-point handling between two samples of the guidance.
-    pub between: Between,
+    pub inter_sample: InterSample,
     /// Allocation of the base torque to wheels and thrusters; `None` as in the paper.
     pub allocation: Option<AllocationParameters>,
 }
@@ -56,7 +56,7 @@ impl Parameters {
             base_position_gain: Vector3::repeat(0.3),
             least_squares_damping: 0.01,
             tracker,
-            between: Between::default(),
+            inter_sample: InterSample::default(),
             allocation: None,
         }
     }
@@ -128,7 +128,7 @@ pub struct State {
 
 /// The comparison law.
 #[derive(Debug, Clone)]
-pub struct ReferenceLaw {
+pub struct ComparisonLaw {
     parameters: Parameters,
     end_effector: AttitudeState,
     base: AttitudeState,
@@ -136,20 +136,20 @@ pub struct ReferenceLaw {
 }
 
 /// Errors of a frame and the corrective twist, in the frame's axes.
-struct Following {
+struct FrameTracking {
     position_error: Vector3<f64>,
     attitude_error: AttitudeError,
     twist: Twist,
 }
 
-impl ReferenceLaw {
+impl ComparisonLaw {
     /// A law in its initial state.
     ///
     /// # Errors
     ///
     /// Names the parameter that is out of range, its value and the allowed range.
     pub fn new(model: ControlModel, parameters: Parameters) -> Result<Self, ParameterError> {
-        parameters.attitude.validated()?;
+        parameters.attitude.validate()?;
         for axis in 0..3 {
             ParameterError::positive("attitude_gain", parameters.attitude_gain[axis])?;
             ParameterError::positive("position_gain", parameters.position_gain[axis])?;
@@ -157,7 +157,7 @@ impl ReferenceLaw {
         }
         ParameterError::positive("least_squares_damping", parameters.least_squares_damping)?;
         if let Some(allocation) = &parameters.allocation {
-            allocation.validated()?;
+            allocation.validate()?;
         }
         Ok(Self {
             parameters,
@@ -209,23 +209,23 @@ impl ReferenceLaw {
         let measured = input.measured.as_ref()?;
         let kinematics = self.tracker.model().end_effector(measured);
         let parameters = &self.parameters;
-        let now = |set_point: SetPoint| parameters.between.apply(&set_point, input.set_point_age_s);
-        let base = follow(
+        let now = |set_point: SetPoint| parameters.inter_sample.apply(&set_point, input.set_point_age_s);
+        let base = track_frame(
             &mut self.base,
             parameters,
             &parameters.base_position_gain,
             &measured.base,
             input.base.map(now),
         );
-        let end_effector = follow(
+        let end_effector = track_frame(
             &mut self.end_effector,
             parameters,
             &parameters.position_gain,
             &kinematics.pose,
             input.end_effector.map(now),
         );
-        let left = end_effector.twist - kinematics.jacobian.fixed_columns::<6>(0) * base.twist;
-        let joints = damped_least_squares(&kinematics.jacobian, &left, parameters.least_squares_damping);
+        let remaining_twist = end_effector.twist - kinematics.jacobian.fixed_columns::<6>(0) * base.twist;
+        let joints = damped_least_squares(&kinematics.jacobian, &remaining_twist, parameters.least_squares_damping);
         let virtual_velocity = Dof::from_fn(|row, _| if row < 6 { base.twist[row] } else { joints[row - 6] });
 
         let tracking = self.tracker.step(measured, &virtual_velocity);
@@ -249,15 +249,15 @@ impl ReferenceLaw {
     }
 }
 
-fn follow(
+fn track_frame(
     state: &mut AttitudeState,
     parameters: &Parameters,
     position_gain: &Vector3<f64>,
     pose: &Pose,
     set_point: Option<SetPoint>,
-) -> Following {
+) -> FrameTracking {
     let Some(set_point) = set_point else {
-        return Following {
+        return FrameTracking {
             position_error: Vector3::zeros(),
             attitude_error: state.unchanged(),
             twist: Twist::zeros(),
@@ -268,7 +268,7 @@ fn follow(
     let error = state.update(&parameters.attitude, &q_e);
     let w = q_e.inverse() * set_point.rate - parameters.attitude_gain.component_mul(&error.vector);
     let v = pose.attitude.inverse() * (set_point.velocity - position_gain.component_mul(&p_e));
-    Following {
+    FrameTracking {
         position_error: p_e,
         attitude_error: error,
         twist: Twist::new(w.x, w.y, w.z, v.x, v.y, v.z),

@@ -10,7 +10,7 @@ use engine::run::{Ending, Options, run};
 use engine::scenario::{Scenario, ScenarioSpec};
 use engine::scope::Scope;
 use lockstep::time::Rational;
-use synthesis::robot::{FlightSpec, FlownEntry, GainTable, Gains, ModelSpec, Robot, Spec, spectral_radius};
+use synthesis::robot::{ClosedLoopEntry, ClosedLoopSpec, GainTable, Gains, ModelSpec, Robot, Spec, spectral_radius};
 use toml::{Table, Value};
 
 /// Simulates the gains in every configuration and with every delay of the specification. Before each run `next` is called
@@ -18,39 +18,39 @@ use toml::{Table, Value};
 ///
 /// # Errors
 /// A scenario that is missing or invalid, or a participant that fails for another reason than a diverging loop.
-pub fn fly(
+pub fn simulate_gains(
     catalogue: &Arc<Catalogue>,
     specification: &Path,
     spec: &Spec,
     robot: &Robot,
     gains: &Gains,
     next: &dyn Fn(usize, usize) -> bool,
-) -> anyhow::Result<Vec<FlownEntry>> {
-    let Some(flight) = &spec.flight else {
+) -> anyhow::Result<Vec<ClosedLoopEntry>> {
+    let Some(verification) = &spec.flight else {
         return Ok(Vec::new());
     };
-    let scenario = find(specification, &flight.scenario).with_context(|| {
+    let scenario = find_beside_specification(specification, &verification.scenario).with_context(|| {
         format!(
             "flight.scenario = {:?}: no such file here, beside the specification, or above it",
-            flight.scenario
+            verification.scenario
         )
     })?;
     // In a folder that the next run or `doctor` clears if this program is killed.
     let scope = Scope::create()?;
     let folder = scope.scratch()?.join("flight");
-    let whole = ScenarioSpec::read(&scenario, &[])?;
-    let mut flown = Vec::new();
+    let base_scenario = ScenarioSpec::read(&scenario, &[])?;
+    let mut entries = Vec::new();
     // A payload is a body that the simulator has only after a grasp.
     let models: Vec<&ModelSpec> = spec.models.iter().filter(|model| model.payload.is_none()).collect();
-    let count = models.len() * flight.delays_s.len();
+    let count = models.len() * verification.delays_s.len();
     for model in models {
-        for &delay in &flight.delays_s {
-            if next(flown.len(), count) {
-                return Ok(flown);
+        for &delay in &verification.delays_s {
+            if next(entries.len(), count) {
+                return Ok(entries);
             }
-            let mut own = whole.clone();
-            change(&mut own, flight, gains, model, delay)?;
-            let read = Scenario::of(catalogue, own, &scenario)?;
+            let mut configured = base_scenario.clone();
+            apply_configuration(&mut configured, verification, gains, model, delay)?;
+            let read = Scenario::of(catalogue, configured, &scenario)?;
             let options = Options {
                 in_process: true,
                 out: Some(folder.clone()),
@@ -63,15 +63,15 @@ pub fn fly(
             removed.with_context(|| folder.display().to_string())?;
             let figures = outcome.figures.as_ref();
             let settled = match &outcome.ending {
-                Ending::Stopped { .. } => return Ok(flown),
+                Ending::Stopped { .. } => return Ok(entries),
                 // A diverging loop ends in values that are not finite, which the participants reject.
                 Ending::Failed { .. } => false,
                 Ending::Complete => figures.is_some_and(engine::assessment::Figures::met),
             };
-            flown.push(FlownEntry {
+            entries.push(ClosedLoopEntry {
                 model: model.name.clone(),
                 delay_s: delay,
-                spectral_radius: claim(spec, robot, gains, model, delay)?,
+                spectral_radius: linear_spectral_radius(spec, robot, gains, model, delay)?,
                 settled,
                 saturated_fraction: figures
                     .and_then(|figures| figures.number("saturated_fraction"))
@@ -79,11 +79,17 @@ pub fn fly(
             });
         }
     }
-    Ok(flown)
+    Ok(entries)
 }
 
 /// The result of the linear analysis of the simulated loop: nominal masses, sloshing propellant, these delays.
-fn claim(spec: &Spec, robot: &Robot, gains: &Gains, model: &ModelSpec, delay: f64) -> anyhow::Result<f64> {
+fn linear_spectral_radius(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    model: &ModelSpec,
+    delay: f64,
+) -> anyhow::Result<f64> {
     let mut delayed = spec.clone();
     delayed.sampling.sensor_delay_s = delay;
     delayed.sampling.actuator_delay_s = delay;
@@ -95,9 +101,9 @@ fn claim(spec: &Spec, robot: &Robot, gains: &Gains, model: &ModelSpec, delay: f6
 }
 
 /// Sets these gains, this configuration and this delay in the scenario.
-fn change(
+fn apply_configuration(
     spec: &mut ScenarioSpec,
-    flight: &FlightSpec,
+    verification: &ClosedLoopSpec,
     gains: &Gains,
     model: &ModelSpec,
     delay: f64,
@@ -107,31 +113,35 @@ fn change(
     }
     let table = Table::from_iter([("gains".to_owned(), Value::try_from(GainTable::new(gains))?)]);
     let joints: Vec<String> = model.joints_deg.iter().map(ToString::to_string).collect();
-    spec.set(&flight.gains_key, table)?;
-    spec.set(&flight.joints_key, format!("[{}] deg", joints.join(", ")))?;
-    for key in &flight.delay_keys {
+    spec.set(&verification.gains_key, table)?;
+    spec.set(&verification.joints_key, format!("[{}] deg", joints.join(", ")))?;
+    for key in &verification.delay_keys {
         spec.set(key, format!("{:.6} ms", 1e3 * delay))?;
     }
     if gains.ki.is_empty() {
-        spec.change(&flight.proportional)?;
+        spec.change(&verification.proportional)?;
     }
     Ok(())
 }
 
 /// Finds a file or folder that a specification names: relative to the working directory, to the specification's folder, or
 /// to its parent.
-pub fn find(specification: &Path, named: &str) -> Option<PathBuf> {
-    let here = specification.parent().unwrap_or(Path::new("."));
-    [PathBuf::from(named), here.join(named), here.join("..").join(named)]
-        .into_iter()
-        .find(|path| path.exists())
+pub fn find_beside_specification(specification: &Path, named: &str) -> Option<PathBuf> {
+    let folder_of_specification = specification.parent().unwrap_or(Path::new("."));
+    [
+        PathBuf::from(named),
+        folder_of_specification.join(named),
+        folder_of_specification.join("..").join(named),
+    ]
+    .into_iter()
+    .find(|path| path.exists())
 }
 
 /// Runs a scenario to this instant in this process, and calls `read` with the run's folder before it is removed.
 ///
 /// # Errors
 /// A scenario that is invalid or does not reach the instant, and any error of `read`.
-pub fn record<T>(
+pub fn record_run<T>(
     catalogue: &Arc<Catalogue>,
     scenario: &Path,
     until: Rational,

@@ -9,13 +9,13 @@ use lockstep::random::Stream;
 use toml::{Table, Value};
 
 /// The close capture from a random state, with a random target, and occasionally with an option that prevents grouping.
-fn drawn(number: u64) -> Table {
+fn random_scenario(number: u64) -> Table {
     let mut scenario = load("close");
-    let mut draws = 0_u64;
+    let mut drawn_values = 0_u64;
     let stream = Stream::new(29, "plants");
     let mut draw = |least: f64, most: f64| {
-        draws += 1;
-        least + (most - least) * stream.uniform(1000 * number + draws)
+        drawn_values += 1;
+        least + (most - least) * stream.uniform(1000 * number + drawn_values)
     };
     let mut list = |count: usize, size: f64, unit: &str| {
         let values: Vec<String> = (0..count).map(|_| format!("{:?}", draw(-size, size))).collect();
@@ -64,11 +64,11 @@ fn drawn(number: u64) -> Table {
 }
 
 #[test]
-fn plants_side_by_side_have_the_bits_of_each_alone() {
+fn batched_plants_have_the_bits_of_single_plants() {
     // more than there are lanes, and fewer
     let mut first = 0;
-    for company in [2, 8, 3, 5, 13, 1, 8] {
-        let scenarios: Vec<Table> = (first..first + company).map(drawn).collect();
+    for count in [2, 8, 3, 5, 13, 1, 8] {
+        let scenarios: Vec<Table> = (first..first + count).map(random_scenario).collect();
         let mut all: Vec<_> = scenarios.iter().map(begin).collect();
         all.iter_mut().for_each(|one| one.looped.defer_steps());
         let mut stride = BatchStepper::default();
@@ -90,11 +90,11 @@ fn plants_side_by_side_have_the_bits_of_each_alone() {
                 assert!(alone.samples[stream].len() > 2, "{}", name.0);
                 assert!(
                     abreast.samples[stream] == alone.samples[stream],
-                    "{} of plant {number} of {company} differs",
+                    "{} of plant {number} of {count} differs",
                     name.0
                 );
             }
         }
-        first += company;
+        first += count;
     }
 }

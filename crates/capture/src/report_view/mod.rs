@@ -16,7 +16,7 @@ use toml::{Table, Value};
 
 use momenta::Momenta;
 use parameters::parameters;
-use table::{FIGURES, FigureSpec, Share};
+use table::{FIGURES, FigureSpec, MomentumQuantity};
 
 /// The keys of a capture's summary that are shown first.
 const HEADLINE: [&str; 9] = [
@@ -33,7 +33,7 @@ const HEADLINE: [&str; 9] = [
 
 /// The view of a run: the figures whose ports and fields it has, from any participant, and the instants of the schedule.
 pub fn view(streams: &[StreamSpec], plan: &Table) -> View {
-    let limits = limits_of(plan);
+    let limits = actuator_limits(plan);
     let momenta = streams
         .iter()
         .find_map(|spec| Some((spec, Arc::new(Momenta::of(spec, plan)?))));
@@ -65,12 +65,12 @@ fn figure(
             table::Formula::PositionIn(p, origin, axes) => Formula::PositionIn(at(p), at(origin), at(axes)),
             table::Formula::AttitudeIn(attitude, axes) => Formula::AttitudeIn(at(attitude), at(axes)),
             table::Formula::RotationVector(a) => Formula::RotationVector(at(a)),
-            table::Formula::Bodies(share) => match momenta {
-                Some((spec, momenta)) => Formula::Computed(Arc::new(Of {
+            table::Formula::Bodies(quantity) => match momenta {
+                Some((spec, momenta)) => Formula::Computed(Arc::new(MomentumCurves {
                     participant: spec.participant.clone(),
                     port: spec.port.clone(),
                     momenta: momenta.clone(),
-                    share,
+                    quantity,
                 })),
                 None => continue,
             },
@@ -84,20 +84,20 @@ fn figure(
 }
 
 /// One figure of the momenta of a stream.
-struct Of {
+struct MomentumCurves {
     participant: String,
     port: String,
     momenta: Arc<Momenta>,
-    share: Share,
+    quantity: MomentumQuantity,
 }
 
-impl Computed for Of {
+impl Computed for MomentumCurves {
     fn stream(&self) -> (&str, &str) {
         (&self.participant, &self.port)
     }
 
     fn labels(&self) -> Vec<String> {
-        self.momenta.labels(self.share)
+        self.momenta.labels(self.quantity)
     }
 
     fn origin(&self) -> String {
@@ -105,7 +105,7 @@ impl Computed for Of {
     }
 
     fn values(&self, payload: &[u8], out: &mut [f64]) {
-        self.momenta.values(self.share, payload, out);
+        self.momenta.values(self.quantity, payload, out);
     }
 }
 
@@ -121,14 +121,14 @@ fn schedule(plan: &Table) -> Vec<(String, Rational)> {
 /// The limits of the actuators, from the tables `actuators` of the participants in the plan, else from `assessment.limits`.
 /// The plan is the user's scenario with its defaults, so quantities are texts with units; a plan of another program has
 /// other tables, and no limits are drawn then.
-fn limits_of(plan: &Table) -> BTreeMap<&'static str, Vec<f64>> {
+fn actuator_limits(plan: &Table) -> BTreeMap<&'static str, Vec<f64>> {
     let mut limits = BTreeMap::new();
     let lookup = |table: &Table, path: &[&str]| {
         let (last, folders) = path.split_last()?;
         let inner = folders
             .iter()
             .try_fold(table, |table, key| table.get(*key)?.as_table())?;
-        let numbers = base_units(inner.get(*last)?);
+        let numbers = parse_base_units(inner.get(*last)?);
         (!numbers.is_empty()).then_some(numbers)
     };
     for table in parameters(plan).filter_map(|parameters| parameters.get("actuators")?.as_table()) {
@@ -156,11 +156,11 @@ fn limits_of(plan: &Table) -> BTreeMap<&'static str, Vec<f64>> {
 }
 
 /// Parses `"0.2 N m"`, `"[320, 40] N m"`, `9.0`; returns nothing for a unit with a prefix, rather than a wrong line.
-fn base_units(value: &Value) -> Vec<f64> {
+fn parse_base_units(value: &Value) -> Vec<f64> {
     let text = match value {
         Value::Float(x) => return vec![*x],
         Value::Integer(x) => return vec![*x as f64],
-        Value::Array(items) => return items.iter().flat_map(base_units).collect(),
+        Value::Array(items) => return items.iter().flat_map(parse_base_units).collect(),
         Value::String(text) => text.replace(['[', ']', ','], " "),
         _ => return Vec::new(),
     };
@@ -191,7 +191,7 @@ mod tests {
             torque = "1 N m"
         "#;
         let plan: Table = plan.parse().unwrap();
-        let limits = limits_of(&plan);
+        let limits = actuator_limits(&plan);
         assert_eq!(limits["base_torque"], [0.2]);
         assert_eq!(limits["wheel_momentum"], [12.0]);
         assert_eq!(limits["joint_torque"], [320.0, 40.5]);

@@ -1,7 +1,7 @@
 //! Differential equations that a method integrates.
 
 /// A first-order differential equation in coordinates, with a held input.
-pub trait Flow {
+pub trait OdeSystem {
     /// A point of the state space.
     type State: Copy;
     /// Rates of the coordinates of a point.
@@ -13,10 +13,10 @@ pub trait Flow {
     fn rate(&self, state: &Self::State, force: &Self::Force) -> Self::Rate;
 
     /// `state + Σ kᵢ rateᵢ`, coordinate by coordinate.
-    fn moved(&self, state: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State;
+    fn plus_rates(&self, state: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State;
 
     /// Projection back onto the constraints of the coordinates (unit quaternions, unit vectors) after a step.
-    fn restored(&self, state: Self::State) -> Self::State {
+    fn projected(&self, state: Self::State) -> Self::State {
         state
     }
 }

@@ -5,31 +5,35 @@
 //! `Gᵀ M G`, `Gᵀ C G`, `Gᵀ τ`, and `J G` for a Jacobian. G is constant and has no derivative: `Gᵀ C ν` is the bias force, and
 //! `Ṁ − 2C` stays skew.
 
-use crate::description::Tie;
+use crate::description::JointCoupling;
 use crate::num::Real;
 use std::borrow::Cow;
 
 /// The columns that G sums, for velocities that start with `offset` base components.
 #[derive(Clone, Copy)]
-pub(crate) struct Ties<'a> {
-    pub ties: Option<&'a [Tie]>,
+pub(crate) struct CoordinateReduction<'a> {
+    pub couplings: Option<&'a [JointCoupling]>,
     pub offset: usize,
 }
 
-impl Ties<'_> {
+impl CoordinateReduction<'_> {
     /// Number of joint coordinates of `joints` joints.
     pub(crate) fn coordinates(&self, joints: usize) -> usize {
-        self.ties.map_or(joints, |ties| {
-            ties.iter().map(|tie| tie.coordinate + 1).max().unwrap_or(0)
+        self.couplings.map_or(joints, |couplings| {
+            couplings
+                .iter()
+                .map(|coupling| coupling.coordinate + 1)
+                .max()
+                .unwrap_or(0)
         })
     }
 
     /// Row of the reduced velocity and factor, for a row of the full one.
-    fn of(&self, row: usize) -> (usize, f64) {
-        match self.ties {
-            Some(ties) if row >= self.offset => {
-                let tie = &ties[row - self.offset];
-                (self.offset + tie.coordinate, tie.multiplier)
+    fn reduced_row(&self, row: usize) -> (usize, f64) {
+        match self.couplings {
+            Some(couplings) if row >= self.offset => {
+                let coupling = &couplings[row - self.offset];
+                (self.offset + coupling.coordinate, coupling.multiplier)
             }
             _ => (row, 1.0),
         }
@@ -37,23 +41,25 @@ impl Ties<'_> {
 
     /// All joint positions.
     pub(crate) fn positions<'q, T: Real>(&self, q: &'q [T]) -> Cow<'q, [T]> {
-        match self.ties {
+        match self.couplings {
             None => Cow::Borrowed(q),
-            Some(ties) => {
-                let one = |tie: &Tie| q[tie.coordinate] * T::of(tie.multiplier) + T::of(tie.offset);
-                Cow::Owned(ties.iter().map(one).collect())
+            Some(couplings) => {
+                let one = |coupling: &JointCoupling| {
+                    q[coupling.coordinate] * T::of(coupling.multiplier) + T::of(coupling.offset)
+                };
+                Cow::Owned(couplings.iter().map(one).collect())
             }
         }
     }
 
     /// All velocities, or accelerations.
     pub(crate) fn velocities<'v>(&self, nu: &'v [f64]) -> Cow<'v, [f64]> {
-        match self.ties {
+        match self.couplings {
             None => Cow::Borrowed(nu),
-            Some(ties) => {
-                let rows = 0..self.offset + ties.len();
+            Some(couplings) => {
+                let rows = 0..self.offset + couplings.len();
                 Cow::Owned(
-                    rows.map(|row| self.of(row))
+                    rows.map(|row| self.reduced_row(row))
                         .map(|(at, factor)| factor * nu[at])
                         .collect(),
                 )
@@ -63,10 +69,10 @@ impl Ties<'_> {
 
     /// `x G` of a matrix with `rows` rows, column by column.
     pub(crate) fn columns<T: Real>(&self, rows: usize, x: Vec<T>) -> Vec<T> {
-        let Some(ties) = self.ties else { return x };
-        let mut out = vec![T::of(0.0); rows * (self.offset + self.coordinates(ties.len()))];
+        let Some(couplings) = self.couplings else { return x };
+        let mut out = vec![T::of(0.0); rows * (self.offset + self.coordinates(couplings.len()))];
         for (column, values) in x.chunks(rows).enumerate() {
-            let (at, factor) = self.of(column);
+            let (at, factor) = self.reduced_row(column);
             for (slot, value) in out[at * rows..(at + 1) * rows].iter_mut().zip(values) {
                 *slot = *slot + *value * T::of(factor);
             }
@@ -76,12 +82,15 @@ impl Ties<'_> {
 
     /// `Gᵀ x` of a vector, or of every column of a matrix with as many rows as there are velocities.
     pub(crate) fn rows<T: Real>(&self, x: Vec<T>) -> Vec<T> {
-        let Some(ties) = self.ties else { return x };
-        let (full, reduced) = (self.offset + ties.len(), self.offset + self.coordinates(ties.len()));
+        let Some(couplings) = self.couplings else { return x };
+        let (full, reduced) = (
+            self.offset + couplings.len(),
+            self.offset + self.coordinates(couplings.len()),
+        );
         let mut out = vec![T::of(0.0); x.len() / full * reduced];
         for (values, slots) in x.chunks(full).zip(out.chunks_mut(reduced)) {
             for (row, value) in values.iter().enumerate() {
-                let (at, factor) = self.of(row);
+                let (at, factor) = self.reduced_row(row);
                 slots[at] = slots[at] + *value * T::of(factor);
             }
         }
@@ -89,8 +98,8 @@ impl Ties<'_> {
     }
 
     /// `Gᵀ x G`.
-    pub(crate) fn both<T: Real>(&self, x: Vec<T>) -> Vec<T> {
-        let Some(ties) = self.ties else { return x };
-        self.rows(self.columns(self.offset + ties.len(), x))
+    pub(crate) fn congruence<T: Real>(&self, x: Vec<T>) -> Vec<T> {
+        let Some(couplings) = self.couplings else { return x };
+        self.rows(self.columns(self.offset + couplings.len(), x))
     }
 }

@@ -21,7 +21,7 @@ pub(super) struct FigureSpec {
     /// The factor from the unit of the fields to the unit drawn.
     pub(super) scale: f64,
     pub(super) curves: &'static [Curve],
-    /// The key of the limits, in the fields' unit, in the result of [`super::limits_of`].
+    /// The key of the limits, in the fields' unit, in the result of [`super::actuator_limits`].
     pub(super) limits: Option<&'static str>,
 }
 
@@ -57,12 +57,12 @@ pub(super) enum Formula {
     /// The rotation vector of an attitude, rad.
     RotationVector(Names),
     /// The momentum of each body, of the wheels and of all together.
-    Bodies(Share),
+    Bodies(MomentumQuantity),
 }
 
 /// The quantity of a figure of the bodies' momenta.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Share {
+pub(super) enum MomentumQuantity {
     /// Linear momentum along a world axis, kg m/s.
     Linear(usize),
     /// Angular momentum along a world axis about the common centre of mass, of the motion relative to it, N m s.
@@ -114,7 +114,7 @@ const fn figure(
     }
 }
 
-const fn limited(mut figure: FigureSpec, key: &'static str) -> FigureSpec {
+const fn with_limits(mut figure: FigureSpec, key: &'static str) -> FigureSpec {
     figure.limits = Some(key);
     figure
 }
@@ -163,7 +163,7 @@ pub(super) const FIGURES: &[FigureSpec] = &[
         ("m", 1.0),
         &[curve("telemetry", Norm(&["p_DE_N"]), &["distance"])],
     ),
-    limited(
+    with_limits(
         figure(
             ACTIONS,
             "base-torque",
@@ -173,7 +173,7 @@ pub(super) const FIGURES: &[FigureSpec] = &[
         ),
         "base_torque",
     ),
-    limited(
+    with_limits(
         figure(
             ACTIONS,
             "base-force",
@@ -183,7 +183,7 @@ pub(super) const FIGURES: &[FigureSpec] = &[
         ),
         "base_force",
     ),
-    limited(
+    with_limits(
         figure(
             ACTIONS,
             "joint-torque",
@@ -193,7 +193,7 @@ pub(super) const FIGURES: &[FigureSpec] = &[
         ),
         "joint_torque",
     ),
-    limited(
+    with_limits(
         figure(
             ACTIONS,
             "base-torque-applied",
@@ -203,7 +203,7 @@ pub(super) const FIGURES: &[FigureSpec] = &[
         ),
         "base_torque",
     ),
-    limited(
+    with_limits(
         figure(
             ACTIONS,
             "base-force-applied",
@@ -213,7 +213,7 @@ pub(super) const FIGURES: &[FigureSpec] = &[
         ),
         "base_force",
     ),
-    limited(
+    with_limits(
         figure(
             ACTIONS,
             "joint-torque-applied",
@@ -398,51 +398,51 @@ pub(super) const FIGURES: &[FigureSpec] = &[
         "linear-momentum-x",
         "Linear momentum of each body, x",
         ("N s", 1.0),
-        &[curve("truth", Bodies(Share::Linear(0)), &[])],
+        &[curve("truth", Bodies(MomentumQuantity::Linear(0)), &[])],
     ),
     figure(
         BALANCE,
         "linear-momentum-y",
         "Linear momentum of each body, y",
         ("N s", 1.0),
-        &[curve("truth", Bodies(Share::Linear(1)), &[])],
+        &[curve("truth", Bodies(MomentumQuantity::Linear(1)), &[])],
     ),
     figure(
         BALANCE,
         "linear-momentum-z",
         "Linear momentum of each body, z",
         ("N s", 1.0),
-        &[curve("truth", Bodies(Share::Linear(2)), &[])],
+        &[curve("truth", Bodies(MomentumQuantity::Linear(2)), &[])],
     ),
     figure(
         BALANCE,
         "angular-momentum-x",
         "Angular momentum about the common centre of mass, x",
         ("N m s", 1.0),
-        &[curve("truth", Bodies(Share::Angular(0)), &[])],
+        &[curve("truth", Bodies(MomentumQuantity::Angular(0)), &[])],
     ),
     figure(
         BALANCE,
         "angular-momentum-y",
         "Angular momentum about the common centre of mass, y",
         ("N m s", 1.0),
-        &[curve("truth", Bodies(Share::Angular(1)), &[])],
+        &[curve("truth", Bodies(MomentumQuantity::Angular(1)), &[])],
     ),
     figure(
         BALANCE,
         "angular-momentum-z",
         "Angular momentum about the common centre of mass, z",
         ("N m s", 1.0),
-        &[curve("truth", Bodies(Share::Angular(2)), &[])],
+        &[curve("truth", Bodies(MomentumQuantity::Angular(2)), &[])],
     ),
     figure(
         BALANCE,
         "centre-of-mass",
         "Common centre of mass of servicer and target",
         ("m", 1.0),
-        &[curve("truth", Bodies(Share::Centre), &[])],
+        &[curve("truth", Bodies(MomentumQuantity::Centre), &[])],
     ),
-    limited(
+    with_limits(
         figure(
             BALANCE,
             "wheel-momentum",
