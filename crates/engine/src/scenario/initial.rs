@@ -79,7 +79,7 @@ pub(super) fn put_content(value: &Value, element: Element, slot: &mut [u8]) -> R
         (Element::Text(_), Value::String(text)) if text.contains('\0') => Err("the text has a zero byte".to_owned()),
         (Element::Text(_), Value::String(text)) => Ok(text.as_bytes().to_owned()),
         (Element::Text(_), other) => Err(format!("`{other}` is not a text: write it in quotes")),
-        (_, Value::String(text)) => of_hexadecimal(text)
+        (_, Value::String(text)) => parse_hexadecimal(text)
             .ok_or_else(|| format!("`{text}` is not bytes: write them in hexadecimal, such as \"0a1b2c\"")),
         (_, other) => Err(format!(
             "`{other}` is not bytes: write them in hexadecimal, such as \"0a1b2c\""
@@ -93,7 +93,7 @@ pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn of_hexadecimal(text: &str) -> Option<Vec<u8>> {
+fn parse_hexadecimal(text: &str) -> Option<Vec<u8>> {
     let pairs = text.as_bytes().chunks(2);
     let digit = |letter: u8| char::from(letter).to_digit(16);
     let byte = |pair: &[u8]| match *pair {

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::figure::{CONFIDENCE, Sample};
 
 /// Each vector of two or three numbers with its circular (or spherical) error probable: the median distance.
-pub(super) fn vectors(samples: &[Sample], shown: &[usize]) -> Vec<Value> {
+pub(super) fn vector_figures(samples: &[Sample], shown: &[usize]) -> Vec<Value> {
     let mut all = Vec::new();
     for (at, first) in samples.iter().enumerate() {
         let Some(stem) = first.name.strip_suffix("[0]") else {

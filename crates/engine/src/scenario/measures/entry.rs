@@ -3,7 +3,7 @@
 use lockstep::units;
 use toml::Value;
 
-use super::refusal::{Refusal, converted, refusal};
+use super::refusal::{Refusal, conversion_factor, refusal};
 use crate::measures::{Compute, Limits};
 use crate::scenario::faults::values;
 use crate::scenario::spec::{MeasureKind, MeasureSpec};
@@ -99,7 +99,7 @@ impl MeasureSpec {
     }
 
     /// The computation on a signal in `unit`.
-    pub(super) fn computed(&self, unit: &str) -> Result<Compute, Refusal> {
+    pub(super) fn computation(&self, unit: &str) -> Result<Compute, Refusal> {
         let threshold = || single("threshold", self.threshold.as_ref(), unit);
         Ok(match self.compute {
             MeasureKind::Min => Compute::Min,
@@ -154,7 +154,7 @@ impl MeasureSpec {
         Ok(Limits {
             at_most,
             at_least,
-            scale: converted(stated, unit).unwrap_or(1.0),
+            scale: conversion_factor(stated, unit).unwrap_or(1.0),
             unit: stated.to_owned(),
         })
     }
