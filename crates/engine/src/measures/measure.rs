@@ -131,7 +131,7 @@ impl Measure {
     /// Processes a sample of one of its streams.
     pub(super) fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]) {
         let Definition { of, minus, .. } = &self.definition;
-        let mut alone = false;
+        let mut is_unpaired = false;
         if stream == of.stream {
             let index = self.received;
             self.received += 1;
@@ -141,7 +141,7 @@ impl Measure {
                 None => {
                     self.of.clear();
                     of.read(payload, &mut self.of);
-                    alone = true;
+                    is_unpaired = true;
                 }
             }
         }
@@ -150,7 +150,7 @@ impl Measure {
         {
             pairing.push_second(|values| minus.read(payload, values));
         }
-        if alone {
+        if is_unpaired {
             self.push(stamp_s);
         }
         while let Some(stamp_s) = self.pair() {
@@ -173,8 +173,8 @@ impl Measure {
     }
 
     /// The stamp and the signals of the pair that is left when both streams have ended.
-    fn last(&self) -> Option<(f64, Vec<f64>)> {
-        let (stamp_s, of, other) = self.pairing.as_ref()?.last(self.received.checked_sub(1)?)?;
+    fn final_pair(&self) -> Option<(f64, Vec<f64>)> {
+        let (stamp_s, of, other) = self.pairing.as_ref()?.final_pair(self.received.checked_sub(1)?)?;
         let Definition { minus, through, .. } = &self.definition;
         let minus = minus.as_ref().map(|(_, factor)| (&other[..], *factor));
         let mut signals = Vec::new();
@@ -188,7 +188,7 @@ impl Measure {
             value: found.value * self.definition.factor,
             ..found
         };
-        let last = self.last();
+        let last = self.final_pair();
         let accumulators = self.accumulators.iter().enumerate();
         let found = accumulators.map(|(number, accumulator)| match &last {
             Some((stamp_s, signals)) => {

@@ -105,7 +105,7 @@ impl Pairing {
     /// the second may have ended, and its newest sample is the partner. No other instant of a complete run waits at its end.
     /// Where a run was cut short, instants stay without a partner, except the newest one if the second has come beyond the
     /// instant before it.
-    pub(super) fn last(&self, index: u64) -> Option<(f64, Vec<f64>, Vec<f64>)> {
+    pub(super) fn final_pair(&self, index: u64) -> Option<(f64, Vec<f64>, Vec<f64>)> {
         let before = self.first.instant(index.checked_sub(1)?);
         let ended =
             self.waiting.len() == 1 && self.window.contains(index) && before < self.second.instant(self.received);
@@ -149,7 +149,7 @@ mod tests {
                 }
             }
         }
-        let last = pairing.last(counts[0] - 1);
+        let last = pairing.final_pair(counts[0] - 1);
         found.extend(last.map(|(_, of, minus)| (of[0], minus[0])));
         found
     }

@@ -36,7 +36,7 @@ pub(crate) fn payload(value: &Value, descriptor: &Descriptor) -> Result<Vec<u8>,
                         known.join(", ")
                     )
                 })?;
-                write(value, field, &mut bytes[field.range()])?;
+                write_field(value, field, &mut bytes[field.range()])?;
             }
             Ok(bytes)
         }
@@ -44,7 +44,7 @@ pub(crate) fn payload(value: &Value, descriptor: &Descriptor) -> Result<Vec<u8>,
     }
 }
 
-fn write(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
+fn write_field(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
     let mut numbers = Vec::new();
     flatten(value, &mut numbers);
     if numbers.len() != field.len() {
@@ -59,7 +59,7 @@ fn write(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
         let put = match field.element {
             Element::Bool | Element::Enum => symbol(number, field).map(|byte| slot.fill(byte)),
             Element::Text(_) | Element::Bytes(_) => put_content(number, field.element, slot),
-            element => put(number, element, slot),
+            element => write_number(number, element, slot),
         };
         put.map_err(|reason| format!("`{}`: {reason} ({field})", field.name))?;
     }
@@ -104,7 +104,7 @@ fn parse_hexadecimal(text: &str) -> Option<Vec<u8>> {
 }
 
 /// Writes `number` exactly, or returns why an element cannot hold it.
-fn put(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> {
+fn write_number(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> {
     let Some((least, most)) = element.range() else {
         let value = match number {
             Value::Float(value) => *value,
@@ -139,7 +139,7 @@ mod tests {
     fn put_into(element: Element, text: &str) -> Result<Vec<u8>, String> {
         let table: toml::Table = format!("x = {text}").parse().unwrap();
         let mut slot = vec![0; element.size()];
-        put(&table["x"], element, &mut slot).map(|()| slot)
+        write_number(&table["x"], element, &mut slot).map(|()| slot)
     }
 
     #[test]

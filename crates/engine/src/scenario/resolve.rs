@@ -361,7 +361,7 @@ impl Scenario {
         let mistakes = wrong.iter().map(|(number, reason)| {
             let key = |key: &str| format!("participants.{}.{key}", self.participants[*number].setup.name);
             let [period, offset] = ["period", "offset"].map(key);
-            let moved = self.source.origin.changes(&offset) && !self.source.origin.changes(&period);
+            let moved = self.source.origin.is_changed(&offset) && !self.source.origin.is_changed(&period);
             self.source
                 .mistake(if moved { &offset } else { &period }, reason.as_str())
         });
@@ -405,7 +405,7 @@ impl Scenario {
     fn has_foreign_parameters(&self, entry: &Entry) -> bool {
         let table = |key: &'static str, of: &str| of.strip_suffix(key).map(str::to_owned);
         let is_separate = table(".run", &entry.run_key) != table(".parameters", &entry.parameters_key);
-        is_separate || self.source.origin.substitutes(&entry.run_key)
+        is_separate || self.source.origin.is_substituted(&entry.run_key)
     }
 }
 

@@ -15,7 +15,7 @@ pub(super) const CONFIDENCE: f64 = 0.95;
 const PERCENTILE_FRACTIONS: [f64; 6] = [0.01, 0.05, 0.5, 0.9, 0.95, 0.99];
 
 /// The values of a figure.
-pub(super) struct Sample {
+pub(super) struct FigureSample {
     pub(super) name: String,
     pub(super) unit: String,
     /// Whether the figure is the truth value of the criteria: 0 or 1.
@@ -29,14 +29,14 @@ pub(super) struct Sample {
 }
 
 /// A column of numbers with its ranks.
-pub(super) struct Ranked<'a> {
+pub(super) struct RankedColumn<'a> {
     numbers: &'a [f64],
     ranks: Vec<f64>,
 }
 
-impl Ranked<'_> {
-    pub(super) fn of(column: &Column) -> Option<Ranked<'_>> {
-        column.numbers.as_ref().map(|numbers| Ranked {
+impl RankedColumn<'_> {
+    pub(super) fn of(column: &Column) -> Option<RankedColumn<'_>> {
+        column.numbers.as_ref().map(|numbers| RankedColumn {
             numbers,
             ranks: ranks(numbers),
         })
@@ -44,7 +44,7 @@ impl Ranked<'_> {
 }
 
 /// The truth values of the criteria for points that ran, where they differ between points, and every figure.
-pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
+pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<FigureSample> {
     let mut all = Vec::new();
     let good: Vec<Option<f64>> = results
         .iter()
@@ -53,7 +53,7 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
         .collect();
     let differs = good.iter().flatten().any(|one| *one == 0.0) && good.iter().flatten().any(|one| *one == 1.0);
     if differs {
-        all.push(Sample {
+        all.push(FigureSample {
             name: crate::campaign::good_word(results).to_owned(),
             unit: String::new(),
             truth: true,
@@ -73,7 +73,7 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
                 .filter(|value| value.is_finite())
         });
         let (limits, lower_is_worse) = limits(&number.name, &number.key, all_figures());
-        all.push(Sample {
+        all.push(FigureSample {
             name: number.words(),
             unit: number.unit,
             truth: false,
@@ -102,7 +102,7 @@ fn limits<'a>(name: &str, key: &str, all: impl Iterator<Item = &'a Figures>) -> 
     (Vec::new(), false)
 }
 
-impl Sample {
+impl FigureSample {
     /// The values that are present.
     pub(super) fn present_values(&self) -> Vec<f64> {
         self.values.iter().flatten().copied().collect()
@@ -137,10 +137,10 @@ impl Sample {
     }
 
     /// The rank correlation with each input; inputs that are texts have none.
-    pub(super) fn correlations(&self, inputs: &[Option<Ranked<'_>>]) -> Vec<Option<f64>> {
+    pub(super) fn correlations(&self, inputs: &[Option<RankedColumn<'_>>]) -> Vec<Option<f64>> {
         let whole = self.values.iter().all(Option::is_some);
         let own = ranks(&self.present_values());
-        let with = |input: &Ranked<'_>| {
+        let with = |input: &RankedColumn<'_>| {
             if whole {
                 return correlation(&input.ranks, &own);
             }

@@ -16,7 +16,7 @@ use super::verdicts;
 use super::wilson;
 use super::workers::point::{Result as PointResult, word};
 use super::{Campaign, Column, Rarely};
-use figure::Sample;
+use figure::FigureSample;
 
 /// Pictures are thinned out to this number of points; the numbers use all points.
 const SHOWN_MAX: usize = 5000;
@@ -24,7 +24,8 @@ const SHOWN_MAX: usize = 5000;
 /// The statistics of a campaign, for its page.
 pub fn analysis(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
     let inputs: Vec<&Column> = campaign.columns.iter().filter(|column| is_input(column)).collect();
-    let ranked: Vec<Option<figure::Ranked<'_>>> = inputs.iter().map(|column| figure::Ranked::of(column)).collect();
+    let ranked: Vec<Option<figure::RankedColumn<'_>>> =
+        inputs.iter().map(|column| figure::RankedColumn::of(column)).collect();
     let samples = figure::samples(results);
     let factors = campaign.source.as_ref().and_then(|source| source.factors.as_ref());
     let width = factors.map_or(0, |factors| factors.len() + 2);
@@ -125,8 +126,8 @@ fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
         .collect()
 }
 
-impl Sample {
-    fn json(&self, inputs: &[Option<figure::Ranked<'_>>], width: usize, shown: &[usize]) -> Value {
+impl FigureSample {
+    fn json(&self, inputs: &[Option<figure::RankedColumn<'_>>], width: usize, shown: &[usize]) -> Value {
         let mut all = self.plot_data(shown.iter().copied());
         all["count"] = json!(self.present_values().len());
         all["moments"] = json!(self.moments());

@@ -1,6 +1,6 @@
 //! One dispersion.
 
-use super::quantity::{Quantity, Step};
+use super::quantity::{Quantity, RoundingStep};
 use super::value_source::ValueSource;
 
 /// A key of the scenario, or one element of the list at a key.
@@ -76,7 +76,7 @@ pub struct Dispersion {
     /// The unit of the values at its keys.
     pub value_unit: String,
     /// The rounding step of values.
-    pub step: Option<Step>,
+    pub step: Option<RoundingStep>,
     /// Drawn once for all points.
     pub once: bool,
     /// Its own design, where it differs from the campaign's.

@@ -6,7 +6,7 @@ use lockstep::units::{convert, unit_in};
 use sampling::distribution::InvalidParameter;
 use toml::{Table, Value};
 
-use super::quantity::{Step, number};
+use super::quantity::{RoundingStep, number};
 
 /// A table, and the mistakes found so far.
 pub(super) struct KeyReader<'a> {
@@ -205,9 +205,9 @@ impl<'a> KeyReader<'a> {
     }
 
     /// The rounding step of values, in the unit of the table.
-    pub(super) fn step(&mut self, unit: &str) -> Option<Step> {
+    pub(super) fn step(&mut self, unit: &str) -> Option<RoundingStep> {
         let value = self.value("round")?;
-        let step = Step::of(value).filter(|step| step.unit == unit);
+        let step = RoundingStep::of(value).filter(|step| step.unit == unit);
         if step.is_none() {
             let example = if unit.is_empty() {
                 "1".to_owned()

@@ -74,7 +74,7 @@ impl Quantity {
     }
 
     /// Rounds number `at` to a multiple of `step`.
-    pub fn round(&mut self, at: usize, step: &Step) {
+    pub fn round(&mut self, at: usize, step: &RoundingStep) {
         self.numbers[at] = libm::round(self.numbers[at] / step.size) * step.size;
         self.decimals[at] = Some(step.decimals);
         // The written number is exact: seven steps of 0.1 are 0.7.
@@ -88,7 +88,7 @@ impl Quantity {
 
 /// The step of which rounded values are multiples.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Step {
+pub struct RoundingStep {
     /// Its size, in `unit`.
     pub size: f64,
     /// The decimals that it is written with.
@@ -97,9 +97,9 @@ pub struct Step {
     pub unit: String,
 }
 
-impl Step {
+impl RoundingStep {
     /// Reads `0.5`, `1`, `"0.1 ms"`; `None` for anything but such a number above zero.
-    pub fn of(value: &Value) -> Option<Step> {
+    pub fn of(value: &Value) -> Option<RoundingStep> {
         let text = match value {
             Value::String(text) => text.clone(),
             Value::Integer(_) | Value::Float(_) => value.to_string(),
@@ -111,7 +111,7 @@ impl Step {
         // An exponent would be read as the start of a unit.
         let plain = unit.chars().next().is_none_or(|c| !matches!(c, 'e' | 'E' | '-' | '+'));
         let decimals = digits.split_once('.').map_or(0, |(_, behind)| behind.len());
-        plain.then_some(Step { size, decimals, unit })
+        plain.then_some(RoundingStep { size, decimals, unit })
     }
 }
 

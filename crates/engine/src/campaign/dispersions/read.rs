@@ -8,7 +8,7 @@ use toml::{Table, Value};
 
 use super::column;
 use super::keys::{KeyReader, valid_or_record};
-use super::quantity::{Quantity, Step, at_key};
+use super::quantity::{Quantity, RoundingStep, at_key};
 use super::value_source::label_of;
 use super::vectors::{attitude, correlated, direction, inertia};
 use super::{DESIGNS, DimensionedValue, Dispersion, Formula, Mode, Target, ValueSource};
@@ -439,7 +439,7 @@ fn formula(keys: &mut KeyReader<'_>, context: &Context<'_>) -> Option<ValueSourc
 }
 
 /// Whole numbers stay whole for a key that has a whole number.
-fn integer_step(source: &ValueSource, unit: &str, own: Option<&Quantity>) -> Option<Step> {
+fn integer_step(source: &ValueSource, unit: &str, own: Option<&Quantity>) -> Option<RoundingStep> {
     let own = own.is_none_or(|own| own.decimals[..] == [Some(0)]);
     let plain = |numbers: &[f64]| numbers.iter().all(|number| number.fract() == 0.0);
     let all = match source {
@@ -447,7 +447,7 @@ fn integer_step(source: &ValueSource, unit: &str, own: Option<&Quantity>) -> Opt
         ValueSource::Number(number) => plain(&[*number]),
         _ => false,
     };
-    (own && all && unit.is_empty()).then(|| Step {
+    (own && all && unit.is_empty()).then(|| RoundingStep {
         size: 1.0,
         decimals: 0,
         unit: String::new(),

@@ -233,7 +233,7 @@ impl Folder {
         node: &str,
         result: &PointResult,
     ) -> Result<(), CampaignError> {
-        let entry = journal::Entry {
+        let entry = journal::JournalEntry {
             point,
             values: campaign.values(point - 1),
             node: node.to_owned(),
@@ -253,7 +253,7 @@ impl Folder {
 
 impl JournaledResults {
     /// Applies an entry of the journal. A point that crashed is run again: the machine may have caused the crash.
-    fn apply(&mut self, entry: journal::Entry, identity: &Identity) {
+    fn apply(&mut self, entry: journal::JournalEntry, identity: &Identity) {
         let Some(at) = entry.point.checked_sub(1).filter(|at| *at < self.results.len()) else {
             return;
         };

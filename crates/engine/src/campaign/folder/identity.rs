@@ -342,7 +342,7 @@ impl Campaign {
     }
 
     /// A campaign whose points are still to be filled in.
-    pub(crate) fn blank(identity: &Identity) -> Campaign {
+    pub(crate) fn without_points(identity: &Identity) -> Campaign {
         Campaign {
             kind: identity.kind,
             scenario: identity.file.0.clone(),

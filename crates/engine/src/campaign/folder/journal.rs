@@ -15,7 +15,7 @@ pub type Values = serde_json::Map<String, serde_json::Value>;
 
 /// A line of the journal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct JournalEntry {
     /// From 1.
     pub point: usize,
     /// The labels of the point, by column.
@@ -53,7 +53,7 @@ pub(crate) struct Journal {
 
 impl Journal {
     /// Opens the journal of the folder `root` behind its last complete line; `take` gets each entry in it.
-    pub(crate) fn open(root: &Path, visit: impl FnMut(Entry)) -> Result<Journal, CampaignError> {
+    pub(crate) fn open(root: &Path, visit: impl FnMut(JournalEntry)) -> Result<Journal, CampaignError> {
         let path = path(root);
         let complete_bytes = for_each_entry(&path, visit)?;
         let file = OpenOptions::new()
@@ -79,7 +79,7 @@ impl Journal {
         audit: bool,
         result: &PointResult,
     ) -> Result<(), CampaignError> {
-        self.append_entry(&Entry {
+        self.append_entry(&JournalEntry {
             point,
             values,
             node: self.node.clone(),
@@ -89,7 +89,7 @@ impl Journal {
     }
 
     /// Appends a line.
-    pub(crate) fn append_entry(&self, entry: &Entry) -> Result<(), CampaignError> {
+    pub(crate) fn append_entry(&self, entry: &JournalEntry) -> Result<(), CampaignError> {
         let line = serde_json::to_string(entry).unwrap_or_default() + "\n";
         (&self.file)
             .write_all(line.as_bytes())
@@ -99,7 +99,7 @@ impl Journal {
 
 /// Passes on the entries of the journal at `path` up to the last complete line; returns the length up to there, bytes. A
 /// missing file is an empty journal.
-pub(crate) fn for_each_entry(path: &Path, mut visit: impl FnMut(Entry)) -> Result<u64, CampaignError> {
+pub(crate) fn for_each_entry(path: &Path, mut visit: impl FnMut(JournalEntry)) -> Result<u64, CampaignError> {
     let file = match fs::File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(0),
@@ -143,7 +143,7 @@ mod tests {
         let root = std::env::temp_dir().join(format!("campaign-journal-{}", std::process::id()));
         fs::create_dir_all(&root).unwrap();
         let line = |point, audit| {
-            let entry = Entry {
+            let entry = JournalEntry {
                 point,
                 values: Values::new(),
                 node: "a".into(),

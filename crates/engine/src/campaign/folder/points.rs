@@ -12,7 +12,7 @@ use crate::campaign::{Campaign, CampaignError};
 
 /// A line of `points.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct PointRow {
     /// From 1.
     pub point: usize,
     /// Its changes.
@@ -99,8 +99,8 @@ impl Identity {
 
 impl Campaign {
     /// The row of point `at` (from 0) in its folder.
-    fn row(&self, at: usize) -> Row {
-        Row {
+    fn row(&self, at: usize) -> PointRow {
+        PointRow {
             point: at + 1,
             changes: self.points[at].clone(),
             texts: self.columns.iter().map(|column| column.texts[at].clone()).collect(),
@@ -117,7 +117,7 @@ impl Campaign {
     ///
     /// # Errors
     /// When the file is damaged, or lacks a point of the folder.
-    pub(crate) fn fill(&mut self, root: &Path, identity: &Identity) -> Result<(), CampaignError> {
+    pub(crate) fn read_points(&mut self, root: &Path, identity: &Identity) -> Result<(), CampaignError> {
         let mut present = vec![false; self.points.len()];
         let with_numbers = self.columns.iter().filter(|column| column.numbers.is_some()).count();
         let widths = (self.columns.len(), with_numbers);
@@ -156,13 +156,13 @@ impl Campaign {
     /// When it is not a campaign's folder, or does not have the points that it was made for.
     pub fn of_folder(root: &Path) -> Result<(Campaign, Identity), CampaignError> {
         let identity = Identity::read(root)?;
-        let mut campaign = Campaign::blank(&identity);
+        let mut campaign = Campaign::without_points(&identity);
         // In a bundle the path is relative to the bundle; elsewhere it is absolute.
         campaign.scenario = root.join(&campaign.scenario);
         if let Some(source) = &mut campaign.source {
             source.file = AnyPath(root.join(&source.file.0));
         }
-        campaign.fill(root, &identity)?;
+        campaign.read_points(root, &identity)?;
         // A shard has only its own points, and the digest is of all of them: `merge` compares it.
         if identity.shard.is_none() {
             let same = identity.check_points_digest("it", &campaign);
@@ -173,7 +173,7 @@ impl Campaign {
 }
 
 /// Passes on the rows of the folder `root`; `take` returns what is wrong with a row.
-fn for_each_row(root: &Path, mut visit: impl FnMut(Row) -> Result<(), String>) -> Result<(), CampaignError> {
+fn for_each_row(root: &Path, mut visit: impl FnMut(PointRow) -> Result<(), String>) -> Result<(), CampaignError> {
     let path = root.join(FILE);
     let file = fs::File::open(&path).map_err(|error| refusal(root, format!("cannot be read ({error}): {REMEDY}")))?;
     for (number, line) in BufReader::new(file).split(b'\n').enumerate() {

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use crate::campaign::folder::campaign_folder::{Folder, holder};
 use crate::campaign::folder::identity::Identity;
-use crate::campaign::folder::journal::{self, Entry};
+use crate::campaign::folder::journal::{self, JournalEntry};
 use crate::campaign::workers::point::Result as PointResult;
 use crate::campaign::workers::pool::Finished;
 use crate::campaign::{Campaign, CampaignError};
@@ -53,7 +53,7 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
     if let Some((root, _)) = folders.iter().find(|(root, _)| holder(root).is_some()) {
         return refuse(format!("{} is being worked in: wait for its end", root.display()));
     }
-    let mut campaign = Campaign::blank(identity);
+    let mut campaign = Campaign::without_points(identity);
     let mut merged = MergedResults {
         results: vec![None; identity.points],
         sources: vec![(0, String::new()); identity.points],
@@ -61,7 +61,7 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
     };
     for (number, (root, identity)) in folders.iter().enumerate() {
         merged.read_journal(number, root, identity, &folders)?;
-        campaign.fill(root, identity)?;
+        campaign.read_points(root, identity)?;
     }
     merged.check_complete(&folders)?;
     identity
@@ -99,7 +99,7 @@ struct MergedResults {
     /// For each point, the number of its folder and the machine.
     sources: Vec<(usize, String)>,
     /// Second runs by point and number of the folder.
-    audits: BTreeMap<(usize, usize), Entry>,
+    audits: BTreeMap<(usize, usize), JournalEntry>,
 }
 
 type Folders<'a> = [(&'a PathBuf, Identity)];

@@ -88,7 +88,7 @@ pub fn serve(
             continue;
         };
         let task: Task = serde_json::from_str(&line?)?;
-        let Some(spec) = task.current() else {
+        let Some(spec) = task.unchanged_spec() else {
             answer(Answer::Changed)?;
             continue;
         };
@@ -101,7 +101,7 @@ pub fn serve(
 
 impl Task {
     /// The scenario with the changes that all points share, if it has not changed.
-    fn current(&self) -> Option<ScenarioSpec> {
+    fn unchanged_spec(&self) -> Option<ScenarioSpec> {
         let spec = ScenarioSpec::changed(&self.scenario.0, &self.common).ok()?;
         (digest_of_scenario(&spec).to_string() == self.digest).then_some(spec)
     }

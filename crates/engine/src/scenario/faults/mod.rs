@@ -91,7 +91,7 @@ pub(super) fn read(
     entries: &[FaultSpec],
     unread: &BTreeSet<usize>,
 ) -> Result<(Faults, Vec<Substitution>), Vec<Mistake>> {
-    let mut reader = Reader {
+    let mut reader = FaultReader {
         source,
         participants,
         resolved,
@@ -123,7 +123,7 @@ pub(super) fn read(
     }
 }
 
-struct Reader<'a> {
+struct FaultReader<'a> {
     source: &'a SourceContext,
     participants: &'a Names,
     /// The participants; `None` for one that has mistakes itself.
@@ -133,7 +133,7 @@ struct Reader<'a> {
     substitutions: Vec<Substitution>,
 }
 
-impl Reader<'_> {
+impl FaultReader<'_> {
     fn read_entry(&mut self, name: &str, key: &str, entry: &FaultSpec) -> Result<(), Mistake> {
         let refuse = |field: &str, reason: String| {
             let key = if field.is_empty() {

@@ -99,7 +99,7 @@ pub(super) fn set(
         keep_decimal(&mut value, before);
     }
     table.insert((*last).to_owned(), value);
-    origin.change(named.join("."), how);
+    origin.record_change(named.join("."), how);
     Ok(())
 }
 
@@ -109,7 +109,7 @@ fn add_fault(table: &mut Table, origin: &mut Origin, text: &str, how: &'static s
     let position = table.get("faults").and_then(Value::as_array).map_or(0, Vec::len);
     let name = fault_name(entry.get("name").and_then(Value::as_str), position);
     fault_text::append(table, entry).map_err(refuse)?;
-    origin.change(format!("faults.{name}"), how);
+    origin.record_change(format!("faults.{name}"), how);
     Ok(())
 }
 

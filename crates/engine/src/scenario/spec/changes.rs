@@ -85,7 +85,7 @@ impl ScenarioSpec {
         match self.participants.get_mut(participant) {
             Some(own) => {
                 own.run = run.clone();
-                self.origin.change(key, how);
+                self.origin.record_change(key, how);
                 Ok(())
             }
             None => {

@@ -51,18 +51,18 @@ impl Origin {
     }
 
     /// Registers that `key` was changed; `how` is the origin of the change.
-    pub(super) fn change(&mut self, key: String, how: &'static str) {
+    pub(super) fn record_change(&mut self, key: String, how: &'static str) {
         self.changed.insert(key, how);
     }
 
     /// Whether `key` itself was changed.
-    pub(in crate::scenario) fn changes(&self, key: &str) -> bool {
+    pub(in crate::scenario) fn is_changed(&self, key: &str) -> bool {
         self.changed.contains_key(key)
     }
 
     /// Whether `key` itself was changed by an option that puts a program in the place of another one. A program that was set is the one
     /// that the scenario now has.
-    pub(in crate::scenario) fn substitutes(&self, key: &str) -> bool {
+    pub(in crate::scenario) fn is_substituted(&self, key: &str) -> bool {
         self.changed.get(key).is_some_and(|how| *how != WITH_SET)
     }
 

@@ -233,16 +233,16 @@ impl PartialScenario {
         for fault in &changes.faults {
             let position = spec.faults.len() + self.unread.faults.len();
             let name = fault_name(fault.name.as_deref(), position);
-            spec.origin.change(format!("faults.{name}"), WITH_FAULT);
+            spec.origin.record_change(format!("faults.{name}"), WITH_FAULT);
             spec.faults.push(fault.clone());
         }
         if let Some(seed) = changes.seed {
             spec.seed = seed;
-            spec.origin.change("seed".to_owned(), WITH_SEED);
+            spec.origin.record_change("seed".to_owned(), WITH_SEED);
         }
         if let Some(duration) = &changes.duration {
             spec.duration = duration.clone();
-            spec.origin.change("duration".to_owned(), WITH_DURATION);
+            spec.origin.record_change("duration".to_owned(), WITH_DURATION);
         }
     }
 
