@@ -30,7 +30,7 @@ pub struct Declared {
     levels: bool,
     /// The scenario's own numbers at the keys.
     nominal: BTreeMap<String, Quantity>,
-    /// The seed of the draws.
+    /// The seed of the random samples.
     seed: u64,
     /// The seed of the first point, where each point has its own.
     first_seed: Option<u64>,
@@ -216,7 +216,7 @@ impl Declared {
         designs.into_iter().find(|(_, there)| *there).map(|(design, _)| design)
     }
 
-    /// The seed of the draws.
+    /// The seed of the random samples.
     pub fn seed(&self) -> u64 {
         self.seed
     }
@@ -378,7 +378,7 @@ pub(super) fn dimension_of(above: &[Dispersion], name: &str) -> Option<Dimension
         .map(|(_, dimension)| (1.0, dimension))
 }
 
-/// Number of draws of everything that is not on the grid.
+/// Number of points of each cell of the grid, or of each matrix: the number of samples of every dispersion that is not on the grid.
 fn count_points_per_block(points: Option<u64>, others: bool, seeds: bool) -> Result<usize, KeyedMistake> {
     match points {
         Some(points) if others || seeds => Ok(points as usize),

@@ -1,4 +1,4 @@
-//! Checks that draws fit their keys.
+//! Checks that value sources fit their keys.
 
 use toml::Table;
 

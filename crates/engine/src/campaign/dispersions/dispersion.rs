@@ -28,7 +28,7 @@ pub enum Mode {
 /// The design that a dispersion is drawn with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Design {
-    /// Independent draws.
+    /// Independent random samples.
     Random,
     /// A Latin hypercube.
     LatinHypercube,
@@ -63,7 +63,7 @@ pub const DESIGNS: [(&str, Design); 6] = [
 /// One `[vary.NAME]`.
 #[derive(Debug, Clone)]
 pub struct Dispersion {
-    /// Its name: that of its draws and of its columns.
+    /// Its name: that of its random numbers and of its columns.
     pub name: String,
     /// The keys whose values it sets. None where it is used in formulas only.
     pub targets: Vec<Target>,
@@ -71,13 +71,13 @@ pub struct Dispersion {
     pub source: ValueSource,
     /// How a draw is applied.
     pub mode: Mode,
-    /// The unit of the draws; empty where they have none.
+    /// The unit of the samples; empty where they have none.
     pub unit: String,
     /// The unit of the values at its keys.
     pub value_unit: String,
     /// The rounding step of values.
     pub step: Option<RoundingStep>,
-    /// Drawn once for all points.
+    /// Sampled once for all points.
     pub once: bool,
     /// Its own design, where it differs from the campaign's.
     pub design: Option<Design>,
@@ -86,7 +86,7 @@ pub struct Dispersion {
 }
 
 impl Dispersion {
-    /// The value of a target whose present value is `current`, which absolute draws do not need.
+    /// The value of a target whose present value is `current`, which the mode [`Mode::Absolute`] does not need.
     pub fn apply(&self, current: Option<&Quantity>, element: Option<usize>, draw: &[f64]) -> Quantity {
         let (Some(current), true) = (
             current,

@@ -454,7 +454,7 @@ fn integer_step(source: &ValueSource, unit: &str, own: Option<&Quantity>) -> Opt
     })
 }
 
-/// Checks that the draws fit the keys and their own values.
+/// Checks that the value source fits the keys and their present values.
 fn check_fit(keys: &mut KeyReader<'_>, dispersion: &Dispersion, nominals: &[Option<Quantity>], context: &Context<'_>) {
     super::compatibility::check(dispersion, nominals, context.scenario, &mut |key, reason| {
         keys.refuse(key, reason)

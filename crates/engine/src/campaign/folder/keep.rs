@@ -71,7 +71,7 @@ fn is_failed(outcome: Outcome) -> bool {
     matches!(outcome, Outcome::Failed | Outcome::Crashed)
 }
 
-/// The badness of a point: larger is worse, and a figure that was not measured is worst. `None` where nothing can be
+/// The severity of a point's result: larger is worse, and a figure that was not measured is worst. `None` where nothing can be
 /// compared.
 fn severity(figures: &Figures, figure: Option<&Number>) -> Option<LimitUsage> {
     let value = |number: &Number| LimitUsage::of_value(figures.value(&number.key));
