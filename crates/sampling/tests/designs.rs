@@ -3,7 +3,7 @@
 mod common;
 
 use common::scipy;
-use sampling::design::{Coordinate, DIMENSIONS, plain_sobol};
+use sampling::design::{Coordinate, DIMENSIONS, unscrambled_sobol};
 
 /// The centred L2 discrepancy (F. J. Hickernell, 1998).
 fn discrepancy(points: &[Vec<f64>]) -> f64 {
@@ -27,18 +27,18 @@ fn points(axes: &[Coordinate], n: u64) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn plain_sobol_points_are_those_of_scipy() {
+fn unscrambled_sobol_points_match_scipy() {
     for (k, row) in scipy()["sobol"].as_array().unwrap().iter().enumerate() {
         for (dimension, expected) in row.as_array().unwrap().iter().enumerate() {
-            let own = plain_sobol(dimension, k as u64).map(u64::from);
+            let own = unscrambled_sobol(dimension, k as u64).map(u64::from);
             assert_eq!(own, expected.as_u64(), "point {k}, dimension {dimension}");
         }
     }
-    assert_eq!(plain_sobol(DIMENSIONS, 1), None);
+    assert_eq!(unscrambled_sobol(DIMENSIONS, 1), None);
 }
 
 #[test]
-fn each_elementary_interval_of_a_dimension_has_one_scrambled_point() {
+fn scrambled_sobol_has_one_point_per_elementary_interval() {
     for dimension in [0, 1, 17, DIMENSIONS - 1] {
         let axis = Coordinate::sobol(3, "x", dimension).unwrap();
         for block in 0..3 {
@@ -50,13 +50,13 @@ fn each_elementary_interval_of_a_dimension_has_one_scrambled_point() {
 }
 
 #[test]
-fn scrambled_sobol_points_are_as_even_as_scipys() {
+fn scrambled_sobol_discrepancy_is_that_of_scipy() {
     let known = &scipy()["discrepancy"];
     let number = |name: &str| known[name].as_f64().unwrap();
     let plain: Vec<Vec<f64>> = (0..256)
         .map(|k| {
             (0..5)
-                .map(|d| f64::from(plain_sobol(d, k).unwrap()) / 2_f64.powi(32))
+                .map(|d| f64::from(unscrambled_sobol(d, k).unwrap()) / 2_f64.powi(32))
                 .collect()
         })
         .collect();
@@ -91,7 +91,7 @@ fn latin_hypercube_has_one_point_in_each_stratum() {
 }
 
 #[test]
-fn draws_depend_on_seed_name_and_number_alone() {
+fn coordinate_depends_only_on_seed_name_and_number() {
     let a = Coordinate::random(1, "mass[0]");
     let b = Coordinate::random(1, "delay[0]");
     let values = |axis: &Coordinate| -> Vec<f64> { (0..10_000).map(|k| axis.at(k)).collect() };
@@ -112,7 +112,7 @@ fn draws_depend_on_seed_name_and_number_alone() {
 
 /// The numbers of a campaign must not change: existing tables are matched by them.
 #[test]
-fn documented_draws_hold() {
+fn coordinates_match_documented_draws() {
     let axes = [
         Coordinate::random(1, "mass[0]"),
         Coordinate::latin_hypercube(1, "mass[0]", 200),

@@ -73,7 +73,7 @@ fn cases() -> Vec<(&'static str, Scalar)> {
 }
 
 #[test]
-fn quantiles_are_those_of_scipy() {
+fn scalar_quantiles_match_scipy() {
     let all = &scipy()["quantiles"];
     let u = numbers(&all["u"]);
     let close = |own: f64, other: f64| (own - other).abs() <= 1e-13 * other.abs().max(1e-3);
@@ -93,7 +93,7 @@ fn quantiles_are_those_of_scipy() {
 }
 
 #[test]
-fn draws_have_their_distributions() {
+fn draws_follow_their_distributions() {
     for (name, scalar) in cases() {
         // The distribution function by bisection of the quantile, which is checked against SciPy's values.
         let cumulative = |x: f64| {
@@ -122,7 +122,7 @@ fn draws_have_their_distributions() {
 }
 
 #[test]
-fn choices_come_by_their_weights() {
+fn weighted_choice_follows_weights() {
     let weights = Weights::new(&[1.0, 0.0, 3.0, 4.0, 0.0]).unwrap();
     let coordinate = Coordinate::random(3, "choice");
     let mut counts = [0; 5];
@@ -202,7 +202,7 @@ fn directions_and_rotations_are_uniform() {
 }
 
 #[test]
-fn turns_are_written_and_read_back() {
+fn roll_pitch_yaw_conversion_round_trips() {
     let angles = [0.3, -0.7, 2.0];
     let q = from_roll_pitch_yaw(angles);
     let back = roll_pitch_yaw(q);
@@ -214,7 +214,7 @@ fn turns_are_written_and_read_back() {
     );
     assert!((v[2] + 1.0).abs() < 1e-15, "{v:?}");
     // two small turns about one axis add up
-    let once = small_rotation([0.0, 0.02, 0.0]);
+    let once = rotation_from_vector([0.0, 0.02, 0.0]);
     let twice = compose(once, once);
     assert!((roll_pitch_yaw(twice)[1] - 0.04).abs() < 1e-15);
     let axes: Vec<Coordinate> = (0..3).map(|at| Coordinate::random(5, &format!("m{at}"))).collect();
@@ -225,14 +225,14 @@ fn turns_are_written_and_read_back() {
 }
 
 #[test]
-fn dispersed_inertias_are_those_of_bodies() {
+fn dispersed_inertias_are_physical() {
     let axes: Vec<Coordinate> = (0..6).map(|at| Coordinate::random(9, &format!("i{at}"))).collect();
     // nearly a plate: independent normal errors of 10 % would violate the triangle inequality half of the time
     let plate = [1.0, 1.0, 1.99];
     assert!(moments_are_physical(plate) && !moments_are_physical([1.0, 1.0, 2.1]));
     let wide = Inertia {
         log_deviation: 0.3,
-        turn: 0.0,
+        rotation_deviation: 0.0,
     };
     for k in 0..N {
         let moments = wide.moments(plate, [axes[0].at(k), axes[1].at(k), axes[2].at(k)]);
@@ -243,7 +243,7 @@ fn dispersed_inertias_are_those_of_bodies() {
     assert!(same.iter().zip(plate).all(|(a, b)| (a - b).abs() < 1e-15));
     let turned = Inertia {
         log_deviation: 0.1,
-        turn: 0.05,
+        rotation_deviation: 0.05,
     };
     let own = [3.0, 4.0, 5.0, 0.1, -0.2, 0.3];
     let same = turned.matrix(own, [0.5; 6]);
@@ -260,7 +260,7 @@ fn dispersed_inertias_are_those_of_bodies() {
 }
 
 #[test]
-fn impossible_distributions_name_their_parameter() {
+fn invalid_distribution_names_its_parameter() {
     let normal = |deviation| Scalar::Normal { mean: 0.0, deviation };
     for (scalar, parameter) in [
         (normal(0.0), "deviation"),

@@ -8,7 +8,7 @@ use sampling::distribution::normal_quantile;
 use sampling::statistics::{indices, percentile, rank_bounds, ranks, spearman};
 
 #[test]
-fn rank_correlation_with_ties_is_that_of_scipy() {
+fn rank_correlation_with_ties_matches_scipy() {
     let known = &scipy()["spearman"];
     let own = spearman(&numbers(&known["x"]), &numbers(&known["y"])).unwrap();
     assert!((own - known["rho"].as_f64().unwrap()).abs() < 1e-14, "{own}");
@@ -17,7 +17,7 @@ fn rank_correlation_with_ties_is_that_of_scipy() {
 }
 
 #[test]
-fn ranks_of_intervals_are_those_of_scipys_binomial_distribution() {
+fn rank_bounds_match_scipy_binomial_distribution() {
     for row in scipy()["ranks"].as_array().unwrap() {
         let row = numbers(row);
         let own = rank_bounds(row[0] as usize, row[1], 0.95);
@@ -27,7 +27,7 @@ fn ranks_of_intervals_are_those_of_scipys_binomial_distribution() {
 
 /// The intervals contain the true percentile with the stated frequency.
 #[test]
-fn intervals_hold_the_percentile_as_often_as_promised() {
+fn percentile_interval_has_stated_coverage() {
     let (runs, n, part) = (2000, 100, 0.9);
     let truth = normal_quantile(part);
     let axis = Coordinate::random(1, "cover");
@@ -48,7 +48,7 @@ fn intervals_hold_the_percentile_as_often_as_promised() {
 
 /// Ishigami and Homma's function, with indices known in closed form.
 #[test]
-fn indices_of_a_known_function_are_found() {
+fn sobol_indices_of_ishigami_function_match_closed_form() {
     let axes: Vec<[Coordinate; 2]> = (0..3)
         .map(|at| {
             let name = |which| format!("x{at} {which}");
@@ -72,7 +72,7 @@ fn indices_of_a_known_function_are_found() {
         assert!((index.first - first).abs() < 0.02, "{own:?}");
         assert!((index.total - total).abs() < 0.02, "{own:?}");
         assert!(
-            index.first_half > 0.0 && index.first_half < 0.1 && index.total_half < 0.1,
+            index.first_half_width > 0.0 && index.first_half_width < 0.1 && index.total_half_width < 0.1,
             "{own:?}"
         );
     }

@@ -19,7 +19,7 @@ fn simulate(settings: Settings, seed: u64, count: usize, score: impl Fn(&[f64]) 
     while let Some(batch) = subset.batch() {
         let z = |u: &Vec<f64>| u.iter().map(|u| normal_quantile(*u)).collect::<Vec<f64>>();
         let scores: Vec<f64> = batch.iter().map(|one| score(&z(&one.u))).collect();
-        subset.take(&scores);
+        subset.submit_scores(&scores);
     }
     subset.estimate()
 }
@@ -38,7 +38,7 @@ fn over_seeds(count: usize, score: impl Fn(&[f64]) -> f64) -> (f64, f64, f64, us
 
 /// A plane at a distance: the probability is that of one normal number, in any number of dimensions.
 #[test]
-fn probability_beyond_a_plane_is_known() {
+fn subset_estimate_beyond_plane_matches_exact_probability() {
     for (dimensions, distance) in [(1, 3.0), (2, 4.0), (10, 4.0), (30, 4.5), (3, 5.0)] {
         let truth = normal_cumulative(-distance);
         let root = (dimensions as f64).sqrt();
@@ -60,7 +60,7 @@ fn probability_beyond_a_plane_is_known() {
 
 /// Outside a circle in two dimensions: exp(-r²/2), in all directions. Two distant corners: the sum of both.
 #[test]
-fn events_all_around_and_in_two_places_are_found() {
+fn subset_finds_circular_and_two_sided_events() {
     let (mean, real, ..) = over_seeds(2, |z| z[0].hypot(z[1]) - 4.5);
     let truth = (-0.5_f64 * 4.5 * 4.5).exp();
     assert!(
@@ -80,7 +80,7 @@ type Case<'a> = (usize, u64, usize, &'a dyn Fn(&[f64]) -> f64, f64);
 
 /// The 95 % interval contains the truth in 95 of 100 cases, with few points per level as with many, whatever the shape of the event.
 #[test]
-fn interval_contains_the_truth_as_often_as_it_says() {
+fn subset_interval_has_stated_coverage() {
     let plane = |distance: f64| move |z: &[f64]| z[0] - distance;
     let diagonal = |z: &[f64]| z.iter().sum::<f64>() / (z.len() as f64).sqrt() - 4.5;
     let circle = |z: &[f64]| z[0].hypot(z[1]) - 4.5;
@@ -116,7 +116,7 @@ fn interval_contains_the_truth_as_often_as_it_says() {
 
 /// With few points the level probabilities are poorly known, and an unobserved event must not be reported as rarer than it is.
 #[test]
-fn bound_of_what_was_never_seen_is_above_the_truth() {
+fn subset_bound_of_unobserved_event_is_above_probability() {
     let truth = normal_cumulative(-3.775);
     let settings = Settings {
         points: 100,
@@ -138,7 +138,7 @@ fn bound_of_what_was_never_seen_is_above_the_truth() {
 }
 
 #[test]
-fn frequent_event_takes_one_level_and_is_counted() {
+fn subset_counts_frequent_event_in_one_level() {
     let estimate = simulate(Settings::default(), 3, 2, |z| z[0] - 1.0);
     assert_eq!((estimate.levels.len(), estimate.points), (1, 1000));
     let plain = (0..1000_u64)
@@ -152,7 +152,7 @@ fn frequent_event_takes_one_level_and_is_counted() {
 }
 
 #[test]
-fn event_that_never_happens_has_a_bound() {
+fn subset_bounds_event_that_never_occurs() {
     let estimate = simulate(
         Settings {
             levels: 3,
@@ -172,7 +172,7 @@ fn event_that_never_happens_has_a_bound() {
 
 /// A binary score carries no distance to the event: there is no gain over direct Monte Carlo, and the estimate reports this.
 #[test]
-fn score_of_two_values_is_counted() {
+fn subset_with_binary_score_is_stuck_and_counts() {
     let estimate = simulate(Settings::default(), 5, 1, |z| if z[0] > 2.0 { 1.0 } else { -1.0 });
     assert!(estimate.stuck && estimate.levels.len() == 1, "{estimate:?}");
     assert!((estimate.probability - 0.0228).abs() < 0.02, "{}", estimate.probability);
@@ -180,7 +180,7 @@ fn score_of_two_values_is_counted() {
 
 /// Impossible points (NaN) are excluded from the first level and never accepted: the probability is that among the others.
 #[test]
-fn impossible_points_count_for_nothing() {
+fn subset_excludes_impossible_points() {
     // Points below -1 are impossible: the true probability among the others is larger by 1 / P(z > -1).
     let score = |z: &[f64]| if z[0] < -1.0 { f64::NAN } else { z[0] - 3.5 };
     let (mean, real, ..) = over_seeds(1, score);
@@ -192,7 +192,7 @@ fn impossible_points_count_for_nothing() {
 }
 
 #[test]
-fn centre_says_what_the_event_has_to_do_with() {
+fn subset_centre_identifies_driving_coordinate() {
     let estimate = simulate(Settings::default(), 8, 4, |z| z[2] - 4.0);
     assert!((4.0..4.6).contains(&estimate.centre[2]), "{:?}", estimate.centre);
     for at in [0, 1, 3] {
@@ -201,7 +201,7 @@ fn centre_says_what_the_event_has_to_do_with() {
 }
 
 #[test]
-fn exceedance_is_the_distribution_down_to_the_event() {
+fn subset_exceedance_matches_distribution_up_to_event() {
     let curve = simulate(
         Settings {
             points: 4000,
@@ -221,14 +221,14 @@ fn exceedance_is_the_distribution_down_to_the_event() {
 
 /// The same scores give the same points, and another seed gives others.
 #[test]
-fn points_are_a_function_of_seed_names_and_scores() {
+fn subset_points_depend_only_on_seed_names_and_scores() {
     let run = |seed| {
         let mut all = Vec::new();
         let mut subset = Subset::new(Settings::default(), seed, coordinates(seed, 2)).unwrap();
         while let Some(batch) = subset.batch() {
             all.extend(batch.to_vec());
             let scores: Vec<f64> = batch.iter().map(|one| one.u[0] + one.u[1] - 1.99).collect();
-            subset.take(&scores);
+            subset.submit_scores(&scores);
         }
         all
     };
@@ -240,7 +240,7 @@ fn points_are_a_function_of_seed_names_and_scores() {
 }
 
 #[test]
-fn settings_that_cannot_be_are_refused() {
+fn subset_rejects_invalid_settings() {
     let refused = |points, share, levels| {
         let settings = Settings { points, share, levels };
         Subset::new(settings, 1, coordinates(1, 1)).unwrap_err().parameter

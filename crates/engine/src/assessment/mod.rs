@@ -21,7 +21,7 @@ pub struct Figures {
     pub criteria: Vec<Criterion>,
     /// Why there is no verdict, when the run ended too early.
     pub incomplete: Option<String>,
-    /// The verdict as text, in the words of an assessment; else it follows from the criteria.
+    /// The verdict as text, where the assessment gives one; else it follows from the criteria.
     pub headline: Option<String>,
     /// The values as text, a line each.
     pub lines: Vec<String>,

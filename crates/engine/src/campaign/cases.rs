@@ -7,8 +7,8 @@ use serde::Deserialize;
 use toml::{Table, Value};
 
 use super::Column;
-use super::dispersions::{near, plain};
-use crate::scenario::{Lines, Mistake, Program, Scenario, ScenarioError};
+use super::dispersions::{keys_overlap, label_of};
+use crate::scenario::{KeyLines, Mistake, Program, Scenario, ScenarioError};
 use crate::text::check_title;
 
 /// A mistake in a list of cases.
@@ -24,8 +24,8 @@ pub struct CasesError {
 /// A file of cases.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct List {
-    /// One line about it.
+struct CasesFile {
+    /// The one-line description.
     #[serde(default)]
     title: String,
     case: Vec<Case>,
@@ -53,7 +53,7 @@ struct Case {
 /// Points with their labels.
 #[derive(Debug)]
 pub struct Cases {
-    /// One line about them.
+    /// The one-line description.
     pub title: String,
     /// The columns.
     pub columns: Vec<Column>,
@@ -71,7 +71,7 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
         reason,
     };
     let text = std::fs::read_to_string(path).map_err(|error| refuse(format!("cannot be read: {error}")))?;
-    let list: List = toml::from_str(&text).map_err(|error| {
+    let list: CasesFile = toml::from_str(&text).map_err(|error| {
         let line = error.span().map_or(0, |span| text[..span.start].lines().count().max(1));
         refuse(format!("line {line}: {}", error.message()))
     })?;
@@ -123,13 +123,13 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
 /// causes it; unchanged where the case is not the cause.
 pub fn in_first_case(path: &Path, error: ScenarioError) -> ScenarioError {
     let text = std::fs::read_to_string(path).unwrap_or_default();
-    let list = toml::from_str::<List>(&text).ok();
+    let list = toml::from_str::<CasesFile>(&text).ok();
     let Some(first) = list.as_ref().and_then(|list| list.case.first()) else {
         return error;
     };
-    let lines = Lines::of(&text);
+    let lines = KeyLines::of(&text);
     let mistakes = error.mistakes.iter().map(|mistake| {
-        let part = first.part_with(&mistake.key)?;
+        let part = first.section_that_sets(&mistake.key)?;
         Some(Mistake {
             line: lines.line(&format!("case.1.{part}")),
             key: format!("case `{}`: {part}", first.name),
@@ -147,14 +147,14 @@ pub fn in_first_case(path: &Path, error: ScenarioError) -> ScenarioError {
 
 impl Case {
     /// The part of the case that changes the scenario's `key`, a table around it, or a key in it.
-    fn part_with(&self, key: &str) -> Option<&'static str> {
-        let has = |table: &Table| table.keys().any(|own| near(own, key));
+    fn section_that_sets(&self, key: &str) -> Option<&'static str> {
+        let has = |table: &Table| table.keys().any(|own| keys_overlap(own, key));
         let of_plant = key.starts_with("participants.") && key.contains(".parameters.faults");
         let parts = [
             ("set", has(&self.set)),
             ("append", has(&self.append)),
             ("actuators", !self.actuators.is_empty() && of_plant),
-            ("faults", !self.faults.is_empty() && near("faults", key)),
+            ("faults", !self.faults.is_empty() && keys_overlap("faults", key)),
         ];
         parts.into_iter().find(|(_, has)| *has).map(|(part, _)| part)
     }
@@ -166,7 +166,7 @@ fn columns(cases: &[Case]) -> Vec<Column> {
     let mut rows: Vec<BTreeMap<String, String>> = Vec::new();
     for case in cases {
         let all = case.set.iter().chain(&case.append);
-        let mut row: BTreeMap<String, String> = all.map(|(key, value)| (key.clone(), plain(value))).collect();
+        let mut row: BTreeMap<String, String> = all.map(|(key, value)| (key.clone(), label_of(value))).collect();
         for (name, tables) in [("actuators", &case.actuators), ("faults", &case.faults)] {
             if !tables.is_empty() {
                 let tables = tables.iter().cloned().map(Value::Table).collect();

@@ -4,7 +4,7 @@
 pub const POINTS_MAX: usize = 100_000;
 
 /// The columns of every table; that of the digests where requested.
-pub(super) const OF_TABLE: [&str; 4] = ["point", "outcome", "reason", "tape"];
+pub(super) const TABLE_COLUMNS: [&str; 4] = ["point", "outcome", "reason", "tape"];
 
 /// The seed of each point.
 pub(super) const SEED: &str = "seed";
@@ -20,7 +20,7 @@ pub(super) const LEVEL: &str = "level";
 pub(super) const PARENT: &str = "parent";
 
 /// The columns that number the points instead of being quantities that vary: the seed, and those that a design makes.
-pub(super) const NUMBERING: [&str; 5] = [SEED, MATRIX, ROW, LEVEL, PARENT];
+pub(super) const INDEX_COLUMNS: [&str; 5] = [SEED, MATRIX, ROW, LEVEL, PARENT];
 
 /// A column that distinguishes points.
 #[derive(Debug, Clone)]
@@ -63,7 +63,7 @@ impl Column {
     }
 
     /// Whether all values are whole numbers of which some exceed a signed 64-bit integer.
-    pub(super) fn beyond_whole(&self) -> bool {
+    pub(super) fn exceeds_i64(&self) -> bool {
         let digits = |text: &String| {
             text.strip_prefix('-')
                 .unwrap_or(text)
@@ -77,7 +77,7 @@ impl Column {
     pub fn json(&self, point: usize) -> serde_json::Value {
         match (&self.whole, &self.numbers) {
             (Some(whole), _) => serde_json::json!(whole[point]),
-            (None, Some(numbers)) if !self.beyond_whole() => serde_json::json!(numbers[point]),
+            (None, Some(numbers)) if !self.exceeds_i64() => serde_json::json!(numbers[point]),
             (None, _) => serde_json::json!(self.texts[point]),
         }
     }

@@ -51,7 +51,7 @@ impl Number {
 /// A campaign holds the figures of all its points. The points of one scenario have the same figures: names and units are
 /// stored once.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(from = "Plain", into = "Plain")]
+#[serde(from = "FiguresJson", into = "FiguresJson")]
 pub struct Figures {
     /// An entry for each element of a list, without values.
     names: Arc<Vec<Number>>,
@@ -63,20 +63,20 @@ pub struct Figures {
 
 /// The same in JSON.
 #[derive(Serialize, Deserialize)]
-struct Plain {
+struct FiguresJson {
     numbers: Vec<Number>,
     criteria: Vec<Criterion>,
 }
 
-impl From<Plain> for Figures {
-    fn from(plain: Plain) -> Figures {
-        Figures::new(plain.numbers, plain.criteria)
+impl From<FiguresJson> for Figures {
+    fn from(json: FiguresJson) -> Figures {
+        Figures::new(json.numbers, json.criteria)
     }
 }
 
-impl From<Figures> for Plain {
-    fn from(figures: Figures) -> Plain {
-        Plain {
+impl From<Figures> for FiguresJson {
+    fn from(figures: Figures) -> FiguresJson {
+        FiguresJson {
             numbers: figures.numbers().collect(),
             criteria: figures.criteria,
         }
@@ -91,15 +91,15 @@ impl PartialEq for Figures {
 }
 
 /// Returns the stored names if they are equal to these, else these. Few are stored: points whose figures differ are rare.
-fn shared(names: Vec<Number>) -> Arc<Vec<Number>> {
-    const KEPT: usize = 8;
+fn interned(names: Vec<Number>) -> Arc<Vec<Number>> {
+    const INTERNED_MAX: usize = 8;
     static KNOWN: Mutex<Vec<Arc<Vec<Number>>>> = Mutex::new(Vec::new());
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(own) = known.iter().find(|own| ***own == names) {
         return own.clone();
     }
     let own = Arc::new(names);
-    known.truncate(KEPT - 1);
+    known.truncate(INTERNED_MAX - 1);
     known.insert(0, own.clone());
     own
 }
@@ -110,12 +110,12 @@ impl Figures {
         let values = numbers.iter_mut().map(|number| number.value.take().unwrap_or(f64::NAN));
         Figures {
             values: values.collect(),
-            names: shared(numbers),
+            names: interned(numbers),
             criteria,
         }
     }
 
-    /// The first figure that differs in `other`, in words for both.
+    /// The first figure that differs in `other`, as text for both.
     pub fn difference(&self, other: &Figures) -> Option<(String, String)> {
         let words = |number: &Number| {
             let value = number
@@ -145,12 +145,12 @@ impl Figures {
 
     /// All of them: those with a criterion first, the others by name.
     pub fn ordered(&self) -> Vec<Number> {
-        let judged = self.criteria.iter().flat_map(|criterion| {
+        let with_criterion = self.criteria.iter().flat_map(|criterion| {
             let own = |number: &Number| number.name.split('[').next() == Some(&*criterion.name);
             self.numbers().filter(own)
         });
         let mut seen = BTreeSet::new();
-        let mut all: Vec<Number> = judged.chain(self.numbers()).collect();
+        let mut all: Vec<Number> = with_criterion.chain(self.numbers()).collect();
         all.retain(|number| seen.insert(number.key.clone()));
         all
     }
@@ -202,53 +202,56 @@ fn numbers(figures: &assessment::Figures) -> Vec<Number> {
 
 /// How near a point is to a limit or how far beyond it: more is worse.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Nearness {
+pub(crate) struct LimitUsage {
     /// The fraction of the limit that is used: 1 at the limit. Infinite beyond a limit of which there is no fraction, 0 within it.
-    part: f64,
+    fraction: f64,
     /// The distance beyond the limit, in the unit of the figure.
-    beyond: f64,
+    excess: f64,
 }
 
-impl Nearness {
+impl LimitUsage {
     /// For a figure of which more is worse; one that was not measured is worst.
-    pub(crate) fn of_value(value: Option<f64>) -> Nearness {
-        let part = value.unwrap_or(f64::INFINITY);
-        Nearness { part, beyond: part }
+    pub(crate) fn of_value(value: Option<f64>) -> LimitUsage {
+        let fraction = value.unwrap_or(f64::INFINITY);
+        LimitUsage {
+            fraction,
+            excess: fraction,
+        }
     }
 
-    fn of(criterion: &Criterion) -> Option<Nearness> {
+    fn of(criterion: &Criterion) -> Option<LimitUsage> {
         let Some(value) = criterion.value else {
-            return Some(Nearness::of_value(None));
+            return Some(LimitUsage::of_value(None));
         };
-        let side = |fraction: Option<f64>, beyond: f64| Nearness {
-            part: fraction.unwrap_or(if beyond > 0.0 { f64::INFINITY } else { 0.0 }),
-            beyond,
+        let side = |fraction: Option<f64>, excess: f64| LimitUsage {
+            fraction: fraction.unwrap_or(if excess > 0.0 { f64::INFINITY } else { 0.0 }),
+            excess,
         };
         let most = (criterion.limit).map(|limit| side((limit > 0.0).then(|| value / limit), value - limit));
         let least = criterion.at_least.map(|least| {
             let fraction = (least > 0.0 && value > 0.0).then(|| least / value);
             side(fraction, least - value)
         });
-        most.into_iter().chain(least).max_by(Nearness::order)
+        most.into_iter().chain(least).max_by(LimitUsage::cmp_severity)
     }
 
     /// The fraction, where there is one.
-    pub(crate) fn part(&self) -> Option<f64> {
-        Some(self.part).filter(|part| part.is_finite())
+    pub(crate) fn fraction(&self) -> Option<f64> {
+        Some(self.fraction).filter(|fraction| fraction.is_finite())
     }
 
-    pub(crate) fn order(&self, other: &Nearness) -> Ordering {
-        let part = self.part.total_cmp(&other.part);
-        part.then(self.beyond.total_cmp(&other.beyond))
+    pub(crate) fn cmp_severity(&self, other: &LimitUsage) -> Ordering {
+        let by_fraction = self.fraction.total_cmp(&other.fraction);
+        by_fraction.then(self.excess.total_cmp(&other.excess))
     }
 }
 
 impl Figures {
     /// The criterion that is nearest to its limit or furthest beyond, by name; one that was not measured comes first.
-    pub(crate) fn nearest(&self) -> Option<(Nearness, &str)> {
+    pub(crate) fn most_critical(&self) -> Option<(LimitUsage, &str)> {
         let all = self.criteria.iter();
-        let all = all.filter_map(|criterion| Some((Nearness::of(criterion)?, criterion.name.as_str())));
-        all.max_by(|a, b| a.0.order(&b.0))
+        let all = all.filter_map(|criterion| Some((LimitUsage::of(criterion)?, criterion.name.as_str())));
+        all.max_by(|a, b| a.0.cmp_severity(&b.0))
     }
 }
 
@@ -257,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_come_back_from_json_with_gaps_and_shared_names() {
+    fn figures_round_trip_through_json_with_gaps_and_shared_names() {
         let number = |key: &str, value| Number::of_key(key.to_owned(), value);
         let figures = |value| {
             let numbers = vec![

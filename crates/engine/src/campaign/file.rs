@@ -2,20 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use sampling::distribution::Impossible;
+use sampling::distribution::InvalidParameter;
 use sampling::subset::{Settings, Subset};
 use tape::Digest;
 use toml::{Table, Value};
 
 use super::declared::{Declared, dimension_of};
-use super::dispersions::{Context, DESIGNS, Design, Dispersion, Draws, Quantity, Sized, at_key, dispersion};
+use super::dispersions::{
+    Context, DESIGNS, Design, DimensionedValue, Dispersion, Quantity, ValueSource, at_key, read_dispersion,
+};
 use super::folder::any_path::AnyPath;
 use super::plan::Plan;
 use super::rare::Rare;
 use super::source::Source;
 use super::{Campaign, CampaignError, Kind};
 use crate::assessment::Criterion;
-use crate::scenario::{Changes, Lines, Mistake, Scenario, ScenarioError};
+use crate::scenario::{Changes, KeyLines, Mistake, Scenario, ScenarioError};
 use crate::text::check_title;
 
 /// A file that declares a campaign: a separate file that names a scenario, or a scenario with the table `campaign`.
@@ -39,7 +41,7 @@ const KEYS: [&str; 8] = [
 const LEVELS_MAX: i64 = 100;
 
 /// Keys of the table `subset`.
-const SUBSET: [&str; 3] = ["criterion", "share", "levels"];
+const SUBSET_KEYS: [&str; 3] = ["criterion", "share", "levels"];
 
 impl CampaignFile {
     /// Reads `path`; `None` where it declares no campaign, so that it is a scenario or something else.
@@ -87,7 +89,7 @@ impl CampaignFile {
         &self.scenario
     }
 
-    /// One line about it; empty where there is none.
+    /// The one-line description; empty where there is none.
     pub fn title(&self) -> &str {
         self.table.get("title").and_then(Value::as_str).unwrap_or_default()
     }
@@ -111,13 +113,13 @@ impl CampaignFile {
 
     /// The campaign of the points `plan`, with the changes that all of them share.
     pub fn campaign(&self, overrides: Changes, plan: &Plan) -> Campaign {
-        let mut says = self.table.clone();
+        let mut declaration = self.table.clone();
         // The number of points is left out, because more points make the same campaign larger; the scenario's content is
         // digested separately.
-        says.retain(|key, _| !["points", "scenario"].contains(&key));
+        declaration.retain(|key, _| !["points", "scenario"].contains(&key));
         let source = Source {
             file: AnyPath(self.path.clone()),
-            digest: Digest::of(says.to_string().as_bytes()),
+            digest: Digest::of(declaration.to_string().as_bytes()),
             title: self.title().to_owned(),
             factors: plan.factors(),
             grows: plan.grows(),
@@ -162,8 +164,8 @@ impl CampaignFile {
         };
         let mut mistakes = Vec::new();
         let mut wrong = |key: &str, reason: String| mistakes.push(self.mistake(&format!("subset.{key}"), reason));
-        for key in table.keys().filter(|key| !SUBSET.contains(&key.as_str())) {
-            wrong(key, format!("unknown key; there is {}", SUBSET.join(", ")));
+        for key in table.keys().filter(|key| !SUBSET_KEYS.contains(&key.as_str())) {
+            wrong(key, format!("unknown key; there is {}", SUBSET_KEYS.join(", ")));
         }
         let mut settings = Settings {
             points: declared.count(),
@@ -191,7 +193,7 @@ impl CampaignFile {
         }
         match Subset::new(settings, declared.seed(), coordinates) {
             Ok(subset) => Ok(Some(Rare::new(subset, criterion))),
-            Err(Impossible { parameter, reason }) => {
+            Err(InvalidParameter { parameter, reason }) => {
                 let key = match parameter {
                     "share" | "levels" => format!("subset.{parameter}"),
                     "points" => parameter.to_owned(),
@@ -215,7 +217,7 @@ impl CampaignFile {
     fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {
         let key = format!("{}{key}", self.prefix);
         Mistake {
-            line: Lines::of(&self.text).line(&key),
+            line: KeyLines::of(&self.text).line(&key),
             key,
             reason: reason.into(),
         }
@@ -252,8 +254,8 @@ impl CampaignFile {
         };
         let points = number("points", 1, super::POINTS_MAX as i64);
         let seed = number("seed", 0, i64::MAX).unwrap_or(1);
-        let design = self.word("design", &DESIGNS, &mut mistakes).unwrap_or(Design::Random);
-        let seeds = self.word("seeds", &[("each", true), ("same", false)], &mut mistakes);
+        let design = self.one_of("design", &DESIGNS, &mut mistakes).unwrap_or(Design::Random);
+        let seeds = self.one_of("seeds", &[("each", true), ("same", false)], &mut mistakes);
         let dispersions = self.dispersions(scenario, &mut mistakes);
         if !mistakes.is_empty() {
             return Err(self.error(mistakes));
@@ -262,10 +264,10 @@ impl CampaignFile {
             .iter()
             .flat_map(|one| &one.targets)
             .any(|target| target.key == "seed");
-        let mut start = std::collections::BTreeMap::new();
+        let mut nominal = std::collections::BTreeMap::new();
         for target in dispersions.iter().flat_map(|one| &one.targets) {
             if let Some(own) = at_key(scenario.resolved(), &target.key).and_then(Quantity::of) {
-                start.insert(target.key.clone(), own);
+                nominal.insert(target.key.clone(), own);
             }
         }
         let first_seed = (seeds.unwrap_or(!own_seed) && !own_seed).then_some(scenario.seed);
@@ -275,12 +277,12 @@ impl CampaignFile {
                 "gives each point its seed, and so does a dispersion: take one out",
             )]));
         }
-        let made = Declared::new(dispersions, design, seed, points, start, first_seed);
-        let made = made.map_err(|(key, reason)| self.error(vec![self.mistake(&key, reason)]))?;
-        Ok(Plan::Declared(Box::new(made)))
+        let declared = Declared::new(dispersions, design, seed, points, nominal, first_seed);
+        let declared = declared.map_err(|(key, reason)| self.error(vec![self.mistake(&key, reason)]))?;
+        Ok(Plan::Declared(Box::new(declared)))
     }
 
-    fn word<T: Copy>(&self, key: &str, words: &[(&str, T)], mistakes: &mut Vec<Mistake>) -> Option<T> {
+    fn one_of<T: Copy>(&self, key: &str, words: &[(&str, T)], mistakes: &mut Vec<Mistake>) -> Option<T> {
         let value = self.table.get(key)?;
         let found = words.iter().find(|(word, _)| value.as_str() == Some(word));
         if found.is_none() {
@@ -303,7 +305,7 @@ impl CampaignFile {
         let Some(Value::Table(vary)) = self.table.get("vary") else {
             return Vec::new();
         };
-        let lines = Lines::of(&self.text);
+        let lines = KeyLines::of(&self.text);
         let mut names: Vec<&String> = vary.keys().collect();
         names.sort_by_key(|name| lines.line(&format!("{}vary.{name}", self.prefix)));
         let folder = self.path.parent().unwrap_or(Path::new(""));
@@ -313,13 +315,13 @@ impl CampaignFile {
                 mistakes.push(self.mistake(&format!("vary.{name}"), "is no table: write [vary.NAME] with its keys"));
                 continue;
             };
-            let above = |name: &str| -> Option<Sized> { dimension_of(&all, name) };
+            let above = |name: &str| -> Option<DimensionedValue> { dimension_of(&all, name) };
             let context = Context {
                 folder,
                 scenario: scenario.resolved(),
                 above: &above,
             };
-            match dispersion(name, table, &context) {
+            match read_dispersion(name, table, &context) {
                 Ok(one) => all.push(one),
                 Err(wrong) => mistakes.extend(wrong.into_iter().map(|(key, reason)| {
                     let dot = if key.is_empty() { "" } else { "." };
@@ -335,8 +337,10 @@ impl CampaignFile {
     pub fn blame(&self, plan: &Plan, scenario: &Scenario, error: CampaignError, tried: usize) -> CampaignError {
         let Plan::Declared(declared) = plan else { return error };
         let all = format!("all of the first {tried} points are refused, the first with");
-        let blamed: Option<Vec<Mistake>> = match &error {
-            CampaignError::Impossible { reason, .. } => self.undrawn(declared, reason, &all).map(|one| vec![one]),
+        let assigned: Option<Vec<Mistake>> = match &error {
+            CampaignError::Impossible { reason, .. } => {
+                self.invalid_draw_mistake(declared, reason, &all).map(|one| vec![one])
+            }
             CampaignError::Scenario(ScenarioError { mistakes, .. }) => mistakes
                 .iter()
                 .map(|mistake| {
@@ -346,19 +350,19 @@ impl CampaignFile {
                 .collect(),
             _ => None,
         };
-        match blamed {
+        match assigned {
             Some(mistakes) if !mistakes.is_empty() => self.error(mistakes),
             _ => error,
         }
     }
 
     /// The mistake in the dispersion whose draw is refused for `reason`, which begins with its key.
-    fn undrawn(&self, declared: &Declared, reason: &str, all: &str) -> Option<Mistake> {
+    fn invalid_draw_mistake(&self, declared: &Declared, reason: &str, all: &str) -> Option<Mistake> {
         let (key, reason) = reason.split_once(": ")?;
         let mut dispersions = declared.dispersions().iter();
         let found = dispersions.find(|one| format!("vary.{}", one.name) == key)?;
-        Some(match found.draws {
-            Draws::Formula(..) => {
+        Some(match found.source {
+            ValueSource::Formula(..) => {
                 let reason = format!(
                     "{all} a value that the formula does not have ({reason}): correct it, or what it is made of"
                 );

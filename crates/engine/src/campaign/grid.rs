@@ -51,24 +51,27 @@ impl std::str::FromStr for Axis {
         if key.is_empty() {
             return Err(refuse(text, "names no key"));
         }
-        for item in items(list) {
+        for item in split_items(list) {
             let item = item.trim();
             if item.is_empty() {
                 return Err(refuse(text, "has an empty value: write for example 5ms,10ms"));
             }
-            match range(item).map_err(|reason| refuse(text, reason))? {
+            match parse_range(item).map_err(|reason| refuse(text, reason))? {
                 Some(range) => values.extend(range),
-                None => values.push(tidy(item)),
+                None => values.push(normalised(item)),
             }
             if values.len() > POINTS_MAX {
                 return Err(refuse(text, format!("has more than {POINTS_MAX} values")));
             }
         }
         // If one of the numbers is a decimal, all are read as decimals: 0, 0.1, 0.2.
-        if values.iter().any(|value| is_plain(value) && value.contains('.')) {
+        if values
+            .iter()
+            .any(|value| is_unitless_number(value) && value.contains('.'))
+        {
             for value in values
                 .iter_mut()
-                .filter(|value| is_plain(value) && !value.contains('.'))
+                .filter(|value| is_unitless_number(value) && !value.contains('.'))
             {
                 value.push_str(".0");
             }
@@ -145,7 +148,7 @@ pub fn grid(axes: &[Axis]) -> Result<(Vec<Column>, Vec<Vec<String>>), GridError>
 }
 
 /// The parts between commas outside brackets and quotes.
-fn items(list: &str) -> Vec<&str> {
+fn split_items(list: &str) -> Vec<&str> {
     let (mut parts, mut start, mut depth, mut quote) = (Vec::new(), 0, 0_i32, None);
     for (at, letter) in list.char_indices() {
         match (quote, letter) {
@@ -166,7 +169,7 @@ fn items(list: &str) -> Vec<&str> {
 }
 
 /// The values of `a..b:step` or, for whole numbers, `a..b`; `None` for text that is not a range.
-fn range(item: &str) -> Result<Option<Vec<String>>, String> {
+fn parse_range(item: &str) -> Result<Option<Vec<String>>, String> {
     if item.starts_with(['[', '{', '"', '\'']) {
         return Ok(None);
     }
@@ -178,15 +181,15 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
         None => (rest, None),
     };
     // A path such as ../laws contains two dots as well; a value that does not start with a number is text.
-    let Some(first) = Number::read(first) else {
+    let Some(first) = ExactDecimal::parse(first) else {
         return Ok(None);
     };
     let number =
-        |text: &str| Number::read(text).ok_or_else(|| format!("`{}` is not a number with a unit", text.trim()));
+        |text: &str| ExactDecimal::parse(text).ok_or_else(|| format!("`{}` is not a number with a unit", text.trim()));
     let last = number(last)?;
     let step = match step {
         Some(step) => number(step)?,
-        None if first.is_whole() && last.is_whole() => Number {
+        None if first.is_whole() && last.is_whole() => ExactDecimal {
             digits: 1,
             places: 0,
             unit: first.unit.clone(),
@@ -199,14 +202,14 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
         }
     };
     let unit = step.unit.clone();
-    let places = |number: &Number| -> Result<Number, String> {
+    let places = |number: &ExactDecimal| -> Result<ExactDecimal, String> {
         number
             .in_unit(&unit)
             .ok_or_else(|| format!("`{item}` mixes units: write all three in `{unit}`"))
     };
     let (first, last) = (places(&first)?, places(&last)?);
     let finest = first.places.max(last.places).max(step.places);
-    let scaled = |number: &Number| {
+    let scaled = |number: &ExactDecimal| {
         10_i128
             .checked_pow(finest - number.places)
             .and_then(|factor| number.digits.checked_mul(factor))
@@ -222,7 +225,7 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
         return Err(format!("`{item}` has {count} values, more than {POINTS_MAX}"));
     }
     let values = (0..count).map(|k| {
-        Number {
+        ExactDecimal {
             digits: first + k * step,
             places: finest,
             unit: unit.clone(),
@@ -234,20 +237,20 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
 }
 
 /// One value: a number gets one space before its unit, other values are unchanged.
-fn tidy(item: &str) -> String {
-    match Number::read(item) {
+fn normalised(item: &str) -> String {
+    match ExactDecimal::parse(item) {
         Some(number) if number.unit.chars().next().is_none_or(char::is_alphabetic) => number.text(),
         _ => item.to_owned(),
     }
 }
 
 /// Whether it is a number without a unit.
-fn is_plain(value: &str) -> bool {
-    Number::read(value).is_some_and(|number| number.unit.is_empty())
+fn is_unitless_number(value: &str) -> bool {
+    ExactDecimal::parse(value).is_some_and(|number| number.unit.is_empty())
 }
 
 fn common_unit(values: &[String]) -> (Option<Vec<f64>>, String) {
-    let numbers: Option<Vec<Number>> = values.iter().map(|value| Number::read(value)).collect();
+    let numbers: Option<Vec<ExactDecimal>> = values.iter().map(|value| ExactDecimal::parse(value)).collect();
     let Some(numbers) = numbers else {
         return (None, String::new());
     };
@@ -269,7 +272,7 @@ fn common_unit(values: &[String]) -> (Option<Vec<f64>>, String) {
 
 /// An exact decimal with a unit: `digits` · 10^-`places`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Number {
+struct ExactDecimal {
     digits: i128,
     places: u32,
     unit: String,
@@ -277,8 +280,8 @@ struct Number {
     point: bool,
 }
 
-impl Number {
-    fn read(text: &str) -> Option<Number> {
+impl ExactDecimal {
+    fn parse(text: &str) -> Option<ExactDecimal> {
         let text = text.trim();
         let end = text
             .char_indices()
@@ -309,7 +312,7 @@ impl Number {
         } else {
             (digits, places.unsigned_abs())
         };
-        (places <= 30).then(|| Number {
+        (places <= 30).then(|| ExactDecimal {
             digits: if negative { -digits } else { digits },
             places,
             unit: unit.to_owned(),
@@ -322,9 +325,9 @@ impl Number {
     }
 
     /// The same quantity in `unit`: units of time are converted, zero needs no unit, others must be the same.
-    fn in_unit(&self, unit: &str) -> Option<Number> {
+    fn in_unit(&self, unit: &str) -> Option<ExactDecimal> {
         if self.unit == unit || (self.digits == 0 && self.unit.is_empty()) {
-            return Some(Number {
+            return Some(ExactDecimal {
                 unit: unit.to_owned(),
                 ..self.clone()
             });
@@ -342,7 +345,7 @@ impl Number {
         } else {
             (self.digits, places.unsigned_abs())
         };
-        Some(Number {
+        Some(ExactDecimal {
             digits,
             places,
             unit: unit.to_owned(),
@@ -393,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_exact_and_hold_both_ends() {
+    fn axis_range_is_exact_and_includes_both_ends() {
         assert_eq!(values("d=0ms..30ms:10ms"), ["0 ms", "10 ms", "20 ms", "30 ms"]);
         assert_eq!(values("d=0..0.3 s:100ms"), ["0 ms", "100 ms", "200 ms", "300 ms"]);
         assert_eq!(values("f=0.1 N..0.3 N:0.1 N"), ["0.1 N", "0.2 N", "0.3 N"]);
@@ -408,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_take_texts_vectors_tables_and_paths() {
+    fn axis_list_takes_texts_vectors_tables_and_paths() {
         assert_eq!(values("law=hierarchical,reference"), ["hierarchical", "reference"]);
         assert_eq!(values("p=[1, 2] m,[3,4] m"), ["[1, 2] m", "[3,4] m"]);
         let files = "g={ file = \"../laws/a.toml\" },{ file = \"../laws/b,c.toml\" }";
@@ -423,7 +426,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_sense_is_refused_with_the_remedy() {
+    fn axis_parser_rejects_invalid_text_with_remedy() {
         for (text, part) in [
             ("seed", "takes KEY.PATH=VALUES"),
             ("=1", "names no key"),
@@ -460,7 +463,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_keep_all_of_their_digits() {
+    fn axis_integers_keep_all_of_their_digits() {
         let axis = "seed=9007199254740993..9007199254740995".parse::<Axis>().unwrap();
         assert_eq!(
             axis.whole,
@@ -476,7 +479,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_key_varies_slowest() {
+    fn grid_varies_first_key_slowest() {
         let axes = ["a=1,2", "b=x,y"].map(|text| text.parse().unwrap());
         let (columns, points) = grid(&axes).unwrap();
         assert_eq!(points, [["a=1", "b=x"], ["a=1", "b=y"], ["a=2", "b=x"], ["a=2", "b=y"]]);

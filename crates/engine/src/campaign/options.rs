@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::Number;
 use super::folder::keep::Keep;
 use super::shards::shard::Shard;
-use super::until::{Until, Watch};
+use super::stopping_rule::{Until, Watch};
 use crate::observer::{Interrupt, Progress};
 
 /// The options of the command line for a campaign, besides its points.
@@ -38,7 +38,7 @@ pub struct Options {
 
 impl Options {
     /// The stopping rule.
-    pub(super) fn rule(&self) -> Option<Until> {
+    pub(super) fn stopping_rule(&self) -> Option<Until> {
         self.until.as_ref().map(|watch| watch.until().clone())
     }
 }

@@ -9,20 +9,20 @@ use sampling::subset::{Candidate, Estimate, Subset};
 use serde_json::{Value, json};
 
 use super::declared::Declared;
-use super::folder::claim::Folder;
+use super::folder::campaign_folder::Folder;
 use super::folder::identity::Identity;
 use super::folder::journal;
 use super::folder::keep::Keep;
 use super::options::Options;
 use super::plan::{Plan, columns_of};
 use super::workers::point::{Outcome, Result as PointResult};
-use super::workers::pool::{Finished, work};
+use super::workers::pool::{Finished, run_with_identity};
 use super::{Campaign, CampaignError, POINTS_MAX};
 use crate::assessment::Criterion;
 use crate::scenario::Scenario;
 
 /// Chains with a lower acceptance rate than this do not move.
-const STEPS_LEAST: f64 = 0.05;
+const ACCEPTANCE_MIN: f64 = 0.05;
 
 /// The search for a rare event.
 #[derive(Debug)]
@@ -100,9 +100,9 @@ impl Rare {
         let Plan::Declared(declared) = plan else {
             return Err(CampaignError::Rare("a list has no levels".into()));
         };
-        let root = Folder::place(&first, &Identity::of(&first, scenario)?, options);
-        let known = results_in(&root)?;
-        let mut levels = Levels {
+        let root = Folder::path_of(&first, &Identity::of(&first, scenario)?, options);
+        let known = journaled_results(&root)?;
+        let mut levels = LevelRunner {
             sample: first.points.len(),
             subset: self.subset,
             declared,
@@ -126,10 +126,10 @@ impl Rare {
         };
         levels.run()?;
         if levels.finished.is_none() {
-            // All results were there: nothing is run, and the folder is opened.
-            levels.work()?;
+            // All results were in the journal: nothing is run, and the folder is opened.
+            levels.run_missing_points()?;
         }
-        let Levels {
+        let LevelRunner {
             sample,
             subset,
             campaign,
@@ -154,9 +154,9 @@ impl Rare {
 }
 
 /// The results in the journal of the folder `root`, by point. A point that crashed is run again.
-fn results_in(root: &Path) -> Result<Vec<Option<PointResult>>, CampaignError> {
+fn journaled_results(root: &Path) -> Result<Vec<Option<PointResult>>, CampaignError> {
     let mut known = Vec::new();
-    journal::each(&journal::path(root), |entry| {
+    journal::for_each_entry(&journal::path(root), |entry| {
         let Some(at) = entry.point.checked_sub(1) else { return };
         if at < POINTS_MAX && !entry.audit {
             known.resize(known.len().max(at + 1), None);
@@ -167,7 +167,7 @@ fn results_in(root: &Path) -> Result<Vec<Option<PointResult>>, CampaignError> {
 }
 
 /// A campaign that grows by one batch at a time.
-struct Levels<'a> {
+struct LevelRunner<'a> {
     subset: Subset,
     declared: &'a Declared,
     criterion: &'a Criterion,
@@ -181,17 +181,17 @@ struct Levels<'a> {
     finished: Option<Finished>,
 }
 
-impl Levels<'_> {
+impl LevelRunner<'_> {
     fn run(&mut self) -> Result<(), CampaignError> {
         while let Some(batch) = self.subset.batch() {
             let wanted: Vec<usize> = batch.iter().map(|one| one.number).collect();
             self.points.extend_from_slice(batch);
             if self.scores(&wanted).is_none() {
-                self.work()?;
+                self.run_missing_points()?;
             }
             match self.scores(&wanted) {
-                Some(scores) => self.subset.take(&scores),
-                // The user asked for an end.
+                Some(scores) => self.subset.submit_scores(&scores),
+                // The user requested an end.
                 None => return Ok(()),
             }
         }
@@ -207,8 +207,8 @@ impl Levels<'_> {
     }
 
     /// Extends the campaign to all points so far.
-    fn grow(&mut self) {
-        let made = self.points.iter().map(|one| self.declared.candidate(one));
+    fn extend_campaign(&mut self) {
+        let points = self.points.iter().map(|one| self.declared.candidate(one));
         let before = &self.campaign;
         self.campaign = Campaign {
             source: before.source.clone(),
@@ -217,23 +217,23 @@ impl Levels<'_> {
                 before.kind,
                 before.scenario.clone(),
                 before.overrides.clone(),
-                columns_of(self.declared.heads(), made),
+                columns_of(self.declared.heads(), points),
             )
         };
     }
 
     /// Runs the points that have no results yet.
-    fn work(&mut self) -> Result<(), CampaignError> {
+    fn run_missing_points(&mut self) -> Result<(), CampaignError> {
         if self.points.len() > POINTS_MAX {
             let reason = format!("the levels take more than {POINTS_MAX} points: draw less");
             return Err(CampaignError::Rare(reason));
         }
-        self.grow();
+        self.extend_campaign();
         // The folder is unlocked before it is locked again.
         let before = self.finished.take().map(|before| (before.resumed, before.wall_s));
         let identity = Identity::of(&self.campaign, self.scenario)?;
         let resumed = before.map(|(resumed, _)| resumed);
-        let mut ended = work(&self.campaign, self.scenario, identity, &self.options, resumed)?;
+        let mut ended = run_with_identity(&self.campaign, self.scenario, identity, &self.options, resumed)?;
         ended.wall_s += before.map_or(0.0, |(_, wall_s)| wall_s);
         self.known.clone_from(&ended.results);
         let mut all = self.known.iter().zip(1..);
@@ -336,7 +336,7 @@ impl Rarely {
             )
         }];
         let steps = estimate.levels.last().and_then(|level| level.acceptance);
-        if estimate.stuck && steps.is_some_and(|taken| taken < STEPS_LEAST) {
+        if estimate.stuck && steps.is_some_and(|taken| taken < ACCEPTANCE_MIN) {
             lines.push(
                 "  the levels stopped rising: hardly any step was accepted; where noise decides, seeds = \"same\" leaves only what is dispersed".to_owned(),
             );

@@ -14,7 +14,7 @@ pub struct Source {
     pub file: AnyPath,
     /// The digest of its content, without the scenario and the number of points.
     pub digest: Digest,
-    /// One line about it; empty where there is none.
+    /// The one-line description; empty where there is none.
     pub title: String,
     /// The dispersions whose Sobol' indices can be estimated, in the order of their matrices.
     #[serde(default, skip_serializing_if = "Option::is_none")]

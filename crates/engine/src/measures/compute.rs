@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::total::Total;
+use super::compensated_sum::CompensatedSum;
 
 /// The computation. Thresholds and bands are in the unit of the signal.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -97,7 +97,7 @@ struct Sample {
 
 /// A figure in progress. A percentile keeps every value, 8 bytes each; every other computation uses constant memory.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct Fold {
+pub(super) struct Accumulator {
     compute: Compute,
     /// The distance of two samples, s.
     period: f64,
@@ -107,18 +107,18 @@ pub(super) struct Fold {
     /// The extreme so far; the least and the greatest where both are needed.
     least: Option<Sample>,
     greatest: Option<Sample>,
-    total: Total,
+    total: CompensatedSum,
     /// The number of samples, or changes, counted.
     counted: u64,
     /// When the threshold was reached, or the band entered for the last time.
     since: Option<f64>,
-    odd: Option<Sample>,
+    non_finite: Option<Sample>,
     values: Vec<f64>,
 }
 
-impl Fold {
-    pub(super) fn new(compute: Compute, period: f64) -> Fold {
-        Fold {
+impl Accumulator {
+    pub(super) fn new(compute: Compute, period: f64) -> Accumulator {
+        Accumulator {
             compute,
             period,
             count: 0,
@@ -126,10 +126,10 @@ impl Fold {
             last: None,
             least: None,
             greatest: None,
-            total: Total::default(),
+            total: CompensatedSum::default(),
             counted: 0,
             since: None,
-            odd: None,
+            non_finite: None,
             values: Vec::new(),
         }
     }
@@ -138,18 +138,18 @@ impl Fold {
     pub(super) fn push(&mut self, t_s: f64, x: f64) {
         let sample = Sample { t_s, x };
         if !x.is_finite() {
-            self.odd.get_or_insert(sample);
+            self.non_finite.get_or_insert(sample);
         }
         self.count += 1;
         let first = *self.first.get_or_insert(sample);
         let before = self.last.replace(sample);
         match self.compute {
-            Compute::Min => self.low(sample),
-            Compute::Max => self.high(sample),
-            Compute::MaxAbs => self.high(Sample { t_s, x: x.abs() }),
+            Compute::Min => self.update_least(sample),
+            Compute::Max => self.update_greatest(sample),
+            Compute::MaxAbs => self.update_greatest(Sample { t_s, x: x.abs() }),
             Compute::Range => {
-                self.low(sample);
-                self.high(sample);
+                self.update_least(sample);
+                self.update_greatest(sample);
             }
             Compute::Mean => self.total.add(x),
             Compute::Rms => self.total.add(x * x),
@@ -161,7 +161,7 @@ impl Fold {
             }
             Compute::Rate => before.into_iter().for_each(|b| {
                 let x = (x - b.x).abs() / self.period;
-                self.high(Sample { t_s, x });
+                self.update_greatest(Sample { t_s, x });
             }),
             Compute::TimeAbove(threshold) => self.count_if(x > threshold, t_s),
             Compute::TimeBelow(threshold) => self.count_if(x < threshold, t_s),
@@ -190,13 +190,13 @@ impl Fold {
         }
     }
 
-    fn low(&mut self, sample: Sample) {
+    fn update_least(&mut self, sample: Sample) {
         if self.least.is_none_or(|least| sample.x < least.x) {
             self.least = Some(sample);
         }
     }
 
-    fn high(&mut self, sample: Sample) {
+    fn update_greatest(&mut self, sample: Sample) {
         if self.greatest.is_none_or(|greatest| sample.x > greatest.x) {
             self.greatest = Some(sample);
         }
@@ -211,7 +211,7 @@ impl Fold {
 
     /// The figure of the values so far.
     pub(super) fn finish(&self) -> Result<Found, Absent> {
-        if let Some(Sample { t_s, x: value }) = self.odd {
+        if let Some(Sample { t_s, x: value }) = self.non_finite {
             return Err(Absent::NotFinite { t_s, value });
         }
         let (Some(first), Some(last)) = (self.first, self.last) else {
@@ -277,11 +277,11 @@ mod tests {
     use super::*;
 
     fn of(compute: Compute, values: &[f64]) -> Result<Found, Absent> {
-        let mut fold = Fold::new(compute, 0.5);
+        let mut accumulator = Accumulator::new(compute, 0.5);
         for (k, x) in values.iter().enumerate() {
-            fold.push(k as f64 * 0.5, *x);
+            accumulator.push(k as f64 * 0.5, *x);
         }
-        fold.finish()
+        accumulator.finish()
     }
 
     fn found(value: f64, t_s: Option<f64>) -> Result<Found, Absent> {
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_of_a_signal_by_hand() {
+    fn accumulator_matches_figures_computed_by_hand() {
         let x = [1.0, -4.0, 2.0, 2.0, 0.0];
         for (compute, value, t_s) in [
             (Compute::Min, -4.0, Some(0.5)),
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_measured_says_why() {
+    fn accumulator_reports_why_a_figure_is_absent() {
         assert_eq!(of(Compute::Mean, &[]), Err(Absent::Empty));
         assert_eq!(of(Compute::Rate, &[3.0]), Err(Absent::Single { t_s: 0.0 }));
         assert_eq!(of(Compute::FirstCrossing(9.0), &[1.0, 2.0]), Err(Absent::NeverThere));

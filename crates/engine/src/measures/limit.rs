@@ -29,7 +29,7 @@ impl Limits {
     }
 
     /// The criterion that these limits define for a figure, or for one that was not measured.
-    pub(super) fn judge(&self, name: &str, found: Result<(f64, Option<f64>), String>) -> Criterion {
+    pub(super) fn criterion(&self, name: &str, found: Result<(f64, Option<f64>), String>) -> Criterion {
         let shown = |value: f64| value / self.scale;
         let (value, t_s, reason) = match found {
             Ok((value, t_s)) => (Some(value), t_s, None),

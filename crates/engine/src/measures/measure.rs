@@ -4,7 +4,7 @@ use lockstep::time::{Rational, TickError};
 use serde_json::{Value, json};
 use tape::StreamSpec;
 
-use super::compute::{Compute, Fold, Found};
+use super::compute::{Accumulator, Compute, Found};
 use super::limit::Limits;
 use super::pairing::Pairing;
 use super::signal::{Reading, Through, evaluate};
@@ -41,7 +41,7 @@ pub struct Definition {
 }
 
 /// The saved state of a measure: number of samples of its first stream, the folds, and the pairs.
-pub(super) type Saved = (u64, Vec<Fold>, Option<Pairing>);
+pub(super) type SavedMeasure = (u64, Vec<Accumulator>, Option<Pairing>);
 
 /// A measure in progress.
 #[derive(Debug)]
@@ -50,8 +50,8 @@ pub(super) struct Measure {
     window: Window,
     pairing: Option<Pairing>,
     /// The number of samples of the first stream so far.
-    come: u64,
-    folds: Vec<Fold>,
+    received: u64,
+    accumulators: Vec<Accumulator>,
     /// Values at one instant.
     of: Vec<f64>,
     minus: Vec<f64>,
@@ -85,10 +85,10 @@ impl Measure {
             1
         };
         Ok(Measure {
-            folds: vec![Fold::new(definition.compute, own.period.seconds()); signals],
+            accumulators: vec![Accumulator::new(definition.compute, own.period.seconds()); signals],
             window,
             pairing,
-            come: own.first_index,
+            received: own.first_index,
             of: Vec::new(),
             minus: Vec::new(),
             signals: Vec::new(),
@@ -113,12 +113,12 @@ impl Measure {
         format!("{of:?} {minus:?} {through:?} {compute:?} {window:?}")
     }
 
-    pub(super) fn saved(&self) -> Saved {
-        (self.come, self.folds.clone(), self.pairing.clone())
+    pub(super) fn saved(&self) -> SavedMeasure {
+        (self.received, self.accumulators.clone(), self.pairing.clone())
     }
 
-    pub(super) fn restore(&mut self, saved: Saved) {
-        (self.come, self.folds, self.pairing) = saved;
+    pub(super) fn restore(&mut self, saved: SavedMeasure) {
+        (self.received, self.accumulators, self.pairing) = saved;
     }
 
     /// The streams that it reads.
@@ -131,26 +131,26 @@ impl Measure {
     /// Processes a sample of one of its streams.
     pub(super) fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]) {
         let Definition { of, minus, .. } = &self.definition;
-        let mut alone = false;
+        let mut is_unpaired = false;
         if stream == of.stream {
-            let index = self.come;
-            self.come += 1;
+            let index = self.received;
+            self.received += 1;
             match &mut self.pairing {
                 _ if !self.window.contains(index) => {}
-                Some(pairing) => pairing.first(index, stamp_s, |values| of.read(payload, values)),
+                Some(pairing) => pairing.push_first(index, stamp_s, |values| of.read(payload, values)),
                 None => {
                     self.of.clear();
                     of.read(payload, &mut self.of);
-                    alone = true;
+                    is_unpaired = true;
                 }
             }
         }
         if let (Some((minus, _)), Some(pairing)) = (minus, &mut self.pairing)
             && stream == minus.stream
         {
-            pairing.second(|values| minus.read(payload, values));
+            pairing.push_second(|values| minus.read(payload, values));
         }
-        if alone {
+        if is_unpaired {
             self.push(stamp_s);
         }
         while let Some(stamp_s) = self.pair() {
@@ -167,14 +167,14 @@ impl Measure {
         let Definition { minus, through, .. } = &self.definition;
         let minus = minus.as_ref().map(|(_, factor)| (&self.minus[..], *factor));
         evaluate(*through, &self.of, minus, &mut self.signals);
-        for (fold, x) in self.folds.iter_mut().zip(&self.signals) {
-            fold.push(stamp_s, *x);
+        for (accumulator, x) in self.accumulators.iter_mut().zip(&self.signals) {
+            accumulator.push(stamp_s, *x);
         }
     }
 
     /// The stamp and the signals of the pair that is left when both streams have ended.
-    fn last(&self) -> Option<(f64, Vec<f64>)> {
-        let (stamp_s, of, other) = self.pairing.as_ref()?.last(self.come.checked_sub(1)?)?;
+    fn final_pair(&self) -> Option<(f64, Vec<f64>)> {
+        let (stamp_s, of, other) = self.pairing.as_ref()?.final_pair(self.received.checked_sub(1)?)?;
         let Definition { minus, through, .. } = &self.definition;
         let minus = minus.as_ref().map(|(_, factor)| (&other[..], *factor));
         let mut signals = Vec::new();
@@ -188,15 +188,15 @@ impl Measure {
             value: found.value * self.definition.factor,
             ..found
         };
-        let last = self.last();
-        let folds = self.folds.iter().enumerate();
-        let found = folds.map(|(number, fold)| match &last {
+        let last = self.final_pair();
+        let accumulators = self.accumulators.iter().enumerate();
+        let found = accumulators.map(|(number, accumulator)| match &last {
             Some((stamp_s, signals)) => {
-                let mut fold = fold.clone();
-                fold.push(*stamp_s, signals[number]);
-                fold.finish().map(scaled)
+                let mut accumulator = accumulator.clone();
+                accumulator.push(*stamp_s, signals[number]);
+                accumulator.finish().map(scaled)
             }
-            None => fold.finish().map(scaled),
+            None => accumulator.finish().map(scaled),
         });
         let found: Vec<_> = found.collect();
         let reason = found.iter().find_map(|one| one.as_ref().err()).map(ToString::to_string);
@@ -230,8 +230,8 @@ impl Measure {
         let worst = found.iter().flatten();
         let worst = worst.reduce(|worst, next| if excess(next) > excess(worst) { next } else { worst });
         Some(match (reason, worst) {
-            (None, Some(worst)) => limits.judge(name, Ok((worst.value, worst.t_s))),
-            (reason, _) => limits.judge(name, Err(reason.unwrap_or_default())),
+            (None, Some(worst)) => limits.criterion(name, Ok((worst.value, worst.t_s))),
+            (reason, _) => limits.criterion(name, Err(reason.unwrap_or_default())),
         })
     }
 }

@@ -5,6 +5,7 @@
 //! - `signal`: from payloads to numbers; `compute`: from numbers to a figure; `limit`: from a figure to a criterion;
 //! - [`of_tape`]: of a tape; [`Measures`]: all measures of a run; [`Together`]: combined with the assessment of a scenario.
 
+mod compensated_sum;
 mod compute;
 mod limit;
 mod measure;
@@ -13,7 +14,6 @@ mod run;
 mod signal;
 mod tape;
 mod together;
-mod total;
 mod window;
 
 pub use compute::{Absent, Compute, Found};

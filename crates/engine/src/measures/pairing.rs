@@ -9,8 +9,8 @@ use super::window::Window;
 
 /// Pairs the samples of two streams, in any order of arrival: each sample of the first is paired with the newest sample of
 /// the second stamped at or before it, the one that an input without delay would read. Samples that arrive early are
-/// buffered: as many as one participant runs ahead of the other, and of the second, apart from its newest sample, none that
-/// belongs to none of the first.
+/// buffered: of the first, as many as its participant runs ahead of the other; of the second, the newest one and those that
+/// are paired with samples of the first.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Pairing {
     first: SampleTime,
@@ -18,14 +18,14 @@ pub(super) struct Pairing {
     /// The window of samples of the first that count.
     window: Window,
     /// The number of samples of the second so far.
-    come: u64,
+    received: u64,
     /// Samples of the first whose partner has not arrived: stamp, s, index of the partner; and the values of all,
     /// concatenated.
     waiting: VecDeque<(f64, u64)>,
     waiting_values: VecDeque<f64>,
     /// Samples of the second by index, and their values.
-    held: VecDeque<u64>,
-    held_values: VecDeque<f64>,
+    buffered: VecDeque<u64>,
+    buffered_values: VecDeque<f64>,
     width: usize,
 }
 
@@ -36,18 +36,18 @@ impl Pairing {
             first,
             second,
             window,
-            come: 0,
+            received: 0,
             waiting: VecDeque::new(),
             waiting_values: VecDeque::new(),
-            held: VecDeque::new(),
-            held_values: VecDeque::new(),
+            buffered: VecDeque::new(),
+            buffered_values: VecDeque::new(),
             width,
         }
     }
 
     /// Adds sample number `index` of the first, which lies in the window. A sample before the first one of the second has
     /// no partner, and is left out.
-    pub(super) fn first(&mut self, index: u64, stamp_s: f64, values: impl FnOnce(&mut VecDeque<f64>)) {
+    pub(super) fn push_first(&mut self, index: u64, stamp_s: f64, values: impl FnOnce(&mut VecDeque<f64>)) {
         if let Some(partner) = self.second.index_at_or_before(self.first.instant(index)) {
             self.waiting.push_back((stamp_s, partner));
             values(&mut self.waiting_values);
@@ -55,26 +55,26 @@ impl Pairing {
     }
 
     /// Adds the next sample of the second.
-    pub(super) fn second(&mut self, values: impl FnOnce(&mut VecDeque<f64>)) {
-        if let Some(newest) = self.held.back().copied()
-            && newest + 1 == self.come
+    pub(super) fn push_second(&mut self, values: impl FnOnce(&mut VecDeque<f64>)) {
+        if let Some(newest) = self.buffered.back().copied()
+            && newest + 1 == self.received
             && self
-                .reader(newest)
-                .is_none_or(|reader| reader >= self.second.instant(self.come))
+                .reading_instant(newest)
+                .is_none_or(|reader| reader >= self.second.instant(self.received))
         {
-            self.held.pop_back();
-            self.held_values.truncate(self.held_values.len() - self.width);
+            self.buffered.pop_back();
+            self.buffered_values.truncate(self.buffered_values.len() - self.width);
         }
-        let index = self.come;
-        self.come += 1;
-        if self.reader(index).is_some() {
-            self.held.push_back(index);
-            values(&mut self.held_values);
+        let index = self.received;
+        self.received += 1;
+        if self.reading_instant(index).is_some() {
+            self.buffered.push_back(index);
+            values(&mut self.buffered_values);
         }
     }
 
     /// The next instant of the first, within the window, at or after sample number `index` of the second.
-    fn reader(&self, index: u64) -> Option<Ticks> {
+    fn reading_instant(&self, index: u64) -> Option<Ticks> {
         let reader = self.window.from(self.first.count_before(self.second.instant(index)));
         self.window.contains(reader).then(|| self.first.instant(reader))
     }
@@ -83,20 +83,20 @@ impl Pairing {
     pub(super) fn next(&mut self, first: &mut Vec<f64>, second: &mut Vec<f64>) -> Option<f64> {
         let &(stamp_s, partner) = self.waiting.front()?;
         // The newest sample may be the partner at the end.
-        let come = self.come;
-        let over = |index: &u64| *index < partner && *index + 1 < come;
-        while self.held.front().is_some_and(over) {
-            self.held.pop_front();
-            self.held_values.drain(..self.width);
+        let received = self.received;
+        let over = |index: &u64| *index < partner && *index + 1 < received;
+        while self.buffered.front().is_some_and(over) {
+            self.buffered.pop_front();
+            self.buffered_values.drain(..self.width);
         }
-        if self.held.front() != Some(&partner) {
+        if self.buffered.front() != Some(&partner) {
             return None;
         }
         self.waiting.pop_front();
         first.clear();
         first.extend(self.waiting_values.drain(..self.width));
         second.clear();
-        second.extend(self.held_values.iter().take(self.width));
+        second.extend(self.buffered_values.iter().take(self.width));
         Some(stamp_s)
     }
 
@@ -105,18 +105,19 @@ impl Pairing {
     /// the second may have ended, and its newest sample is the partner. No other instant of a complete run waits at its end.
     /// Where a run was cut short, instants stay without a partner, except the newest one if the second has come beyond the
     /// instant before it.
-    pub(super) fn last(&self, index: u64) -> Option<(f64, Vec<f64>, Vec<f64>)> {
+    pub(super) fn final_pair(&self, index: u64) -> Option<(f64, Vec<f64>, Vec<f64>)> {
         let before = self.first.instant(index.checked_sub(1)?);
-        let ended = self.waiting.len() == 1 && self.window.contains(index) && before < self.second.instant(self.come);
-        if !ended || self.held.back()? + 1 != self.come {
+        let ended =
+            self.waiting.len() == 1 && self.window.contains(index) && before < self.second.instant(self.received);
+        if !ended || self.buffered.back()? + 1 != self.received {
             return None;
         }
         let &(stamp_s, _) = self.waiting.front()?;
-        let newest = self.held_values.len() - self.width;
+        let newest = self.buffered_values.len() - self.width;
         Some((
             stamp_s,
             self.waiting_values.iter().copied().collect(),
-            self.held_values.range(newest..).copied().collect(),
+            self.buffered_values.range(newest..).copied().collect(),
         ))
     }
 }
@@ -138,23 +139,23 @@ mod tests {
         for of_second in [second_leads, !second_leads] {
             for index in 0..counts[usize::from(of_second)] {
                 if of_second {
-                    pairing.second(|values| values.push_back(second.instant(index) as f64));
+                    pairing.push_second(|values| values.push_back(second.instant(index) as f64));
                 } else {
                     let stamp = first.instant(index) as f64;
-                    pairing.first(index, stamp / 1e3, |values| values.push_back(stamp));
+                    pairing.push_first(index, stamp / 1e3, |values| values.push_back(stamp));
                 }
                 while pairing.next(&mut of, &mut minus).is_some() {
                     found.push((of[0], minus[0]));
                 }
             }
         }
-        let last = pairing.last(counts[0] - 1);
+        let last = pairing.final_pair(counts[0] - 1);
         found.extend(last.map(|(_, of, minus)| (of[0], minus[0])));
         found
     }
 
     #[test]
-    fn every_instant_of_a_complete_run_has_the_newest_sample_of_the_second() {
+    fn pairing_of_complete_run_has_newest_sample_of_second() {
         // Over 1 s the sampled streams of 7 ms and 1 ms have 143 and 1000 samples, the continuous ones have one more.
         let cases: [([i64; 2], [u64; 2]); 5] = [
             ([7, 1], [144, 1000]),
@@ -178,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn instants_beyond_a_stream_that_was_cut_short_have_no_partner() {
+    fn pairing_beyond_end_of_short_stream_has_no_partner() {
         for second_leads in [false, true] {
             let found = pairs([7, 1], [144, 900], second_leads);
             assert_eq!(found.last(), Some(&(896.0, 896.0)));

@@ -4,7 +4,7 @@ use lockstep::time::TickError;
 use tape::StreamSpec;
 
 use super::Definition;
-use super::measure::{Measure, Saved};
+use super::measure::{Measure, SavedMeasure};
 use crate::assessment::Measured;
 
 /// The measures of a run. The order in which samples of different streams arrive does not matter.
@@ -54,7 +54,7 @@ impl Measures {
     }
 
     /// The state of each measure, with its key.
-    pub(super) fn saved(&self) -> Vec<(String, Saved)> {
+    pub(super) fn saved(&self) -> Vec<(String, SavedMeasure)> {
         self.all.iter().map(|one| (one.key(), one.saved())).collect()
     }
 
@@ -62,7 +62,7 @@ impl Measures {
     ///
     /// # Errors
     /// The measure that has no saved state, and has not received every sample of its streams.
-    pub(super) fn restore(&mut self, saved: &[(String, Saved)], lacks: &[bool]) -> Result<(), String> {
+    pub(super) fn restore(&mut self, saved: &[(String, SavedMeasure)], lacks: &[bool]) -> Result<(), String> {
         for one in &mut self.all {
             let key = one.key();
             if let Some((_, saved)) = saved.iter().find(|(other, _)| *other == key) {

@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn differences_and_norms() {
+    fn signal_of_difference_and_norm_is_exact() {
         assert_eq!(one(Through::Elements, &[3.0, 4.0], Some(&[1.0, 1.0])), [2.0, 3.0]);
         assert_eq!(one(Through::Norm, &[3.0, 4.0], None), [5.0]);
         let mut out = Vec::new();
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_between_attitudes() {
+    fn signal_of_attitudes_is_their_rotation_angle() {
         let about = |axis: usize, angle: f64| {
             let mut q = [(angle / 2.0).cos(), 0.0, 0.0, 0.0];
             q[axis] = (angle / 2.0).sin();

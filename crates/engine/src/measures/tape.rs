@@ -23,15 +23,15 @@ pub enum MeasureError {
 }
 
 /// A stream and its next sample.
-struct Track<'a> {
+struct StreamCursor<'a> {
     stream: usize,
     records: Records<'a, Reader>,
     stamp_s: f64,
     payload: Vec<u8>,
-    over: bool,
+    at_end: bool,
 }
 
-impl Track<'_> {
+impl StreamCursor<'_> {
     fn advance(&mut self) -> Result<(), ReadError> {
         match self.records.next()? {
             Some(record) => {
@@ -39,7 +39,7 @@ impl Track<'_> {
                 self.payload.clear();
                 self.payload.extend_from_slice(record.payload);
             }
-            None => self.over = true,
+            None => self.at_end = true,
         }
         Ok(())
     }
@@ -53,20 +53,20 @@ impl Track<'_> {
 pub fn of_tape(definitions: Vec<Definition>, tape: &Reader) -> Result<Figures, MeasureError> {
     let mut measures =
         Measures::new(definitions, tape.streams()).map_err(|(name, source)| MeasureError::Tick { name, source })?;
-    let mut tracks = Vec::new();
+    let mut cursors = Vec::new();
     for stream in (0..tape.streams().len()).filter(|&stream| measures.reads(stream)) {
-        let mut track = Track {
+        let mut cursor = StreamCursor {
             stream,
             records: Records::new(tape, stream),
             stamp_s: 0.0,
             payload: Vec::new(),
-            over: false,
+            at_end: false,
         };
-        track.advance()?;
-        tracks.push(track);
+        cursor.advance()?;
+        cursors.push(cursor);
     }
     loop {
-        let running = tracks.iter_mut().filter(|track| !track.over);
+        let running = cursors.iter_mut().filter(|cursor| !cursor.at_end);
         let Some(next) = running.min_by(|a, b| a.stamp_s.total_cmp(&b.stamp_s)) else {
             break;
         };

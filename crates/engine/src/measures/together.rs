@@ -40,11 +40,11 @@ impl Assessment for Together {
 
     fn restore(&mut self, saved: &[u8], lacks: &[bool]) -> Result<(), String> {
         let decoded = wire::decode::<(Option<Vec<u8>>, Vec<_>)>("measures", saved);
-        let (own, measures) = decoded.map_err(|error| error.to_string())?;
+        let (saved_own, measures) = decoded.map_err(|error| error.to_string())?;
         if let Some(assessment) = &mut self.own
             && (0..lacks.len()).any(|stream| lacks[stream] && assessment.reads(stream))
         {
-            assessment.restore(&own.unwrap_or_default(), lacks)?;
+            assessment.restore(&saved_own.unwrap_or_default(), lacks)?;
         }
         self.measures.restore(&measures, lacks)
     }

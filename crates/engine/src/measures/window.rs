@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_are_included_exactly() {
+    fn window_includes_both_ends_exactly() {
         let base = timebase([time(1, 30), time(1, 100)]).unwrap();
         let samples = sample_time(&base, time(1, 100), time(1, 30)).unwrap();
         // stamps 0.01, 0.04333…, 0.07666…, 0.11
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn newest_at_an_instant() {
+    fn window_at_instant_has_newest_sample() {
         let base = timebase([time(1, 10)]).unwrap();
         let samples = sample_time(&base, Rational::ZERO, time(1, 10)).unwrap();
         let at = |at| Window::at(&base, samples, at).unwrap();

@@ -7,8 +7,8 @@ use toml::Table;
 use super::error::Mistake;
 use super::failure::OnFailure;
 use super::program::Program;
-use super::run_table::program;
-use super::source::Source;
+use super::run_table::resolve_program;
+use super::source::SourceContext;
 use super::spec::{OnFailureSpec, ParticipantSpec, RunSpec, Time};
 
 /// A program in a participant's place: the participant as the scenario declares it, or its substitute in mid-run.
@@ -36,14 +36,19 @@ pub struct Entry {
 
 impl Entry {
     /// The participant `name` as the scenario has it.
-    pub(super) fn resolve(source: &Source, name: &str, entry: &ParticipantSpec, seed: u64) -> Result<Entry, Mistake> {
+    pub(super) fn resolve(
+        source: &SourceContext,
+        name: &str,
+        entry: &ParticipantSpec,
+        seed: u64,
+    ) -> Result<Entry, Mistake> {
         let key = |below: &str| format!("participants.{name}.{below}");
-        let runs = program(source, &key("run"), &entry.run)?;
+        let runs = resolve_program(source, &key("run"), &entry.run)?;
         let on_failure = match &entry.on_failure {
             OnFailureSpec::Stop => OnFailure::Stop,
             OnFailureSpec::RestartFromCheckpoint => OnFailure::Restart,
             OnFailureSpec::Substitute(run) => {
-                OnFailure::Substitute(program(source, &key("on-failure.substitute"), run)?)
+                OnFailure::Substitute(resolve_program(source, &key("on-failure.substitute"), run)?)
             }
         };
         let (period, offset) = (entry.period.checked(), entry.offset.checked());
@@ -80,14 +85,14 @@ impl Entry {
     /// declares for the participant, whatever was substituted for it before.
     pub(super) fn substituted(
         &self,
-        source: &Source,
+        source: &SourceContext,
         key: &str,
         run: &RunSpec,
         parameters: Option<Table>,
     ) -> Result<Entry, Mistake> {
         let run_key = format!("{key}.run");
         let mut entry = Entry {
-            program: program(source, &run_key, run)?,
+            program: resolve_program(source, &run_key, run)?,
             run_key,
             ..self.clone()
         };

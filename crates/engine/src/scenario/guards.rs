@@ -8,8 +8,8 @@ use toml::Value;
 use super::error::{Mistake, ScenarioError};
 use super::faults::values;
 use super::names::{Names, unknown};
-use super::ports::{not_a_port, port};
-use super::source::Source;
+use super::ports::{not_a_port, parse_port};
+use super::source::SourceContext;
 use super::spec::{Entries, GuardSpec, Time};
 use super::symbols::symbols;
 use crate::run::{Forbidden, Watch};
@@ -31,7 +31,7 @@ type Refusal = (&'static str, String);
 
 /// Reads all sections, as far as possible without the ports of the participants.
 pub(super) fn read(
-    source: &Source,
+    source: &SourceContext,
     participants: &Names,
     sections: &Entries<GuardSpec>,
 ) -> Result<Vec<Guard>, Vec<Mistake>> {
@@ -45,14 +45,14 @@ pub(super) fn read(
     if mistakes.is_empty() { Ok(guards) } else { Err(mistakes) }
 }
 
-fn mistake(source: &Source, guard: &str, (key, reason): Refusal) -> Mistake {
+fn mistake(source: &SourceContext, guard: &str, (key, reason): Refusal) -> Mistake {
     let dot = if key.is_empty() { "" } else { "." };
     source.mistake(&format!("guards.{guard}{dot}{key}"), reason)
 }
 
 impl Guard {
     fn new(name: &str, participants: &Names, entry: &GuardSpec) -> Result<Guard, Refusal> {
-        let port = port(&entry.output).ok_or_else(|| ("output", not_a_port(&entry.output)))?;
+        let port = parse_port(&entry.output).ok_or_else(|| ("output", not_a_port(&entry.output)))?;
         if !participants.contains(&port.0) {
             return Err(("output", participants.unknown("participant", &port.0)));
         }
@@ -159,8 +159,8 @@ impl Guard {
 }
 
 impl Guard {
-    /// What it watches, in words.
-    pub(super) fn words(&self) -> String {
+    /// The guarded output and its conditions, as text.
+    pub(super) fn description(&self) -> String {
         let mut words = format!("{}.{}", self.port.0, self.port.1);
         words.extend(self.field.iter().map(|field| format!(" {field}")));
         match &self.range {
@@ -177,7 +177,7 @@ impl Guard {
 /// `guards`, resolved against the ports of `plan`; those of participants whose ports are not `certain` are left out.
 pub(super) fn watches(
     guards: &[Guard],
-    source: &Source,
+    source: &SourceContext,
     plan: &Plan,
     certain: impl Fn(usize) -> bool,
 ) -> Result<Vec<Watch>, ScenarioError> {

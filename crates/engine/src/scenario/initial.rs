@@ -36,7 +36,7 @@ pub(crate) fn payload(value: &Value, descriptor: &Descriptor) -> Result<Vec<u8>,
                         known.join(", ")
                     )
                 })?;
-                write(value, field, &mut bytes[field.range()])?;
+                write_field(value, field, &mut bytes[field.range()])?;
             }
             Ok(bytes)
         }
@@ -44,7 +44,7 @@ pub(crate) fn payload(value: &Value, descriptor: &Descriptor) -> Result<Vec<u8>,
     }
 }
 
-fn write(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
+fn write_field(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
     let mut numbers = Vec::new();
     flatten(value, &mut numbers);
     if numbers.len() != field.len() {
@@ -59,7 +59,7 @@ fn write(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
         let put = match field.element {
             Element::Bool | Element::Enum => symbol(number, field).map(|byte| slot.fill(byte)),
             Element::Text(_) | Element::Bytes(_) => put_content(number, field.element, slot),
-            element => put(number, element, slot),
+            element => write_number(number, element, slot),
         };
         put.map_err(|reason| format!("`{}`: {reason} ({field})", field.name))?;
     }
@@ -79,7 +79,7 @@ pub(super) fn put_content(value: &Value, element: Element, slot: &mut [u8]) -> R
         (Element::Text(_), Value::String(text)) if text.contains('\0') => Err("the text has a zero byte".to_owned()),
         (Element::Text(_), Value::String(text)) => Ok(text.as_bytes().to_owned()),
         (Element::Text(_), other) => Err(format!("`{other}` is not a text: write it in quotes")),
-        (_, Value::String(text)) => of_hexadecimal(text)
+        (_, Value::String(text)) => parse_hexadecimal(text)
             .ok_or_else(|| format!("`{text}` is not bytes: write them in hexadecimal, such as \"0a1b2c\"")),
         (_, other) => Err(format!(
             "`{other}` is not bytes: write them in hexadecimal, such as \"0a1b2c\""
@@ -93,7 +93,7 @@ pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn of_hexadecimal(text: &str) -> Option<Vec<u8>> {
+fn parse_hexadecimal(text: &str) -> Option<Vec<u8>> {
     let pairs = text.as_bytes().chunks(2);
     let digit = |letter: u8| char::from(letter).to_digit(16);
     let byte = |pair: &[u8]| match *pair {
@@ -104,7 +104,7 @@ fn of_hexadecimal(text: &str) -> Option<Vec<u8>> {
 }
 
 /// Writes `number` exactly, or returns why an element cannot hold it.
-fn put(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> {
+fn write_number(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> {
     let Some((least, most)) = element.range() else {
         let value = match number {
             Value::Float(value) => *value,
@@ -139,7 +139,7 @@ mod tests {
     fn put_into(element: Element, text: &str) -> Result<Vec<u8>, String> {
         let table: toml::Table = format!("x = {text}").parse().unwrap();
         let mut slot = vec![0; element.size()];
-        put(&table["x"], element, &mut slot).map(|()| slot)
+        write_number(&table["x"], element, &mut slot).map(|()| slot)
     }
 
     #[test]

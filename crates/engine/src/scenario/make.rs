@@ -7,14 +7,14 @@ use super::error::{Mistake, ScenarioError};
 use super::program::Program;
 use super::resolve::Scenario;
 
-type Made = Option<Box<dyn Participant>>;
+type OptionalParticipant = Option<Box<dyn Participant>>;
 
 impl Scenario {
     /// Makes every participant that this program contains, and returns `None` for the others. No library is loaded.
     ///
     /// # Errors
     /// All parameters that are refused.
-    pub fn make(&self) -> Result<Vec<Made>, ScenarioError> {
+    pub fn make(&self) -> Result<Vec<OptionalParticipant>, ScenarioError> {
         self.make_with(|entry| match entry.program {
             Program::Library { .. } | Program::External { .. } => Ok(None),
             Program::Builtin(_) | Program::Fmu { .. } => self.participant_of(entry),
@@ -26,7 +26,7 @@ impl Scenario {
     ///
     /// # Errors
     /// All libraries that cannot be used, and all parameters that are refused.
-    pub fn make_here(&self) -> Result<Vec<Made>, ScenarioError> {
+    pub fn make_here(&self) -> Result<Vec<OptionalParticipant>, ScenarioError> {
         self.make_with(|entry| self.participant_of(entry))
     }
 
@@ -34,16 +34,19 @@ impl Scenario {
     ///
     /// # Errors
     /// A library that cannot be used, or a parameter that is refused.
-    pub fn participant(&self, entry: &Entry) -> Result<Made, ScenarioError> {
-        let made = self.participant_of(entry);
-        made.map_err(|mistake| self.source.error(vec![mistake]))
+    pub fn participant(&self, entry: &Entry) -> Result<OptionalParticipant, ScenarioError> {
+        let participant = self.participant_of(entry);
+        participant.map_err(|mistake| self.source.error(vec![mistake]))
     }
 
-    fn make_with(&self, make: impl Fn(&Entry) -> Result<Made, Mistake>) -> Result<Vec<Made>, ScenarioError> {
+    fn make_with(
+        &self,
+        make: impl Fn(&Entry) -> Result<OptionalParticipant, Mistake>,
+    ) -> Result<Vec<OptionalParticipant>, ScenarioError> {
         let (mut all, mut mistakes) = (Vec::new(), Vec::new());
         for entry in &self.participants {
             match make(entry) {
-                Ok(made) => all.push(made),
+                Ok(participant) => all.push(participant),
                 Err(mistake) => mistakes.push(mistake),
             }
         }
@@ -54,8 +57,8 @@ impl Scenario {
         }
     }
 
-    fn participant_of(&self, entry: &Entry) -> Result<Made, Mistake> {
-        let made = match &entry.program {
+    fn participant_of(&self, entry: &Entry) -> Result<OptionalParticipant, Mistake> {
+        let participant = match &entry.program {
             Program::Builtin(_) | Program::Fmu { .. } => {
                 let factory = self.builtins().factory_of(&entry.program);
                 factory.map(|factory| factory(&entry.setup))
@@ -70,16 +73,17 @@ impl Scenario {
                 factory.map(|factory| factory(&entry.setup))
             }
         };
-        made.transpose()
-            .map_err(|error| self.refused(entry, &error.key, &error.reason))
+        participant
+            .transpose()
+            .map_err(|error| self.refusal_mistake(entry, &error.key, &error.reason))
     }
 
     /// The mistake for a refusal by a participant, with its place in the file: a parameter, or the program itself.
-    pub(super) fn refused(&self, entry: &Entry, key: &str, reason: &str) -> Mistake {
+    pub(super) fn refusal_mistake(&self, entry: &Entry, key: &str, reason: &str) -> Mistake {
         if key == plugin::NO_PARTICIPANT {
             let reason = format!("participant `{}`: {reason}", entry.setup.name);
             return self.source.mistake(&entry.run_key, reason);
         }
-        self.parameter(entry, key, reason)
+        self.parameter_mistake(entry, key, reason)
     }
 }

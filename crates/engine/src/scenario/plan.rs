@@ -9,7 +9,7 @@ use lockstep::port::{Descriptor, Element, Field};
 
 use super::error::{Mistake, ScenarioError};
 use super::fields;
-use super::ports::{End, not_a_port};
+use super::ports::{ConnectionEnd, not_a_port};
 use super::resolve::Scenario;
 use super::spec::ConnectionSpec;
 
@@ -21,17 +21,17 @@ impl Scenario {
             .iter()
             .map(|interface| interface.clone().unwrap_or_else(|| Interface::new(Kind::Continuous)))
             .collect();
-        let mut ports: Vec<Ports> = assumed.iter().map(Ports::of).collect();
+        let mut ports: Vec<PortNumbers> = assumed.iter().map(PortNumbers::of).collect();
         // Ports whose connection names fields need not match: they are assumed last, and with an unknown payload.
-        let (fielded, plain): (Vec<_>, Vec<_>) =
+        let (by_field, by_port): (Vec<_>, Vec<_>) =
             (self.spec.connections.values()).partition(|connection| fields::names_fields(connection));
-        for (connection, alike) in plain
+        for (connection, same_ports) in by_port
             .iter()
             .map(|one| (one, true))
-            .chain(fielded.iter().map(|one| (one, false)))
+            .chain(by_field.iter().map(|one| (one, false)))
         {
             let end = |text: &str| {
-                let end = End::of(text)?;
+                let end = ConnectionEnd::of(text)?;
                 Some((self.names.number(end.participant)?, end.port.to_owned()))
             };
             let Some((from, output)) = end(&connection.from) else {
@@ -39,25 +39,28 @@ impl Scenario {
             };
             for to in &connection.to {
                 let Some((to, input)) = end(to) else { continue };
-                let given = ports[from].outputs.get(&output);
-                let given = given.map(|&port| assumed[from].outputs[port].descriptor.clone());
-                let taken = ports[to].inputs.get(&input);
-                let taken = taken.map(|&port| assumed[to].inputs[port].descriptor.clone());
-                let (gives, takes) = (given.is_some(), taken.is_some());
-                let descriptor = given.or(taken).filter(|_| alike).unwrap_or_else(unknown_payload);
-                if known[from].is_none() && !gives {
+                let output_descriptor = ports[from].outputs.get(&output);
+                let output_descriptor = output_descriptor.map(|&port| assumed[from].outputs[port].descriptor.clone());
+                let input_descriptor = ports[to].inputs.get(&input);
+                let input_descriptor = input_descriptor.map(|&port| assumed[to].inputs[port].descriptor.clone());
+                let (has_output, has_input) = (output_descriptor.is_some(), input_descriptor.is_some());
+                let descriptor = output_descriptor
+                    .or(input_descriptor)
+                    .filter(|_| same_ports)
+                    .unwrap_or_else(unknown_payload);
+                if known[from].is_none() && !has_output {
                     ports[from].outputs.insert(output.clone(), assumed[from].outputs.len());
                     assumed[from].outputs.push(Output {
                         name: output.clone(),
                         descriptor: descriptor.clone(),
                     });
                 }
-                if known[to].is_none() && !takes {
+                if known[to].is_none() && !has_input {
                     ports[to].inputs.insert(input.clone(), assumed[to].inputs.len());
                     assumed[to].inputs.push(Input {
                         name: input,
                         descriptor,
-                        required: alike,
+                        required: same_ports,
                     });
                 }
             }
@@ -76,7 +79,7 @@ impl Scenario {
         let mut links = Vec::new();
         // The connection that each link comes from.
         let mut origins: HashMap<String, &str> = HashMap::new();
-        let ports: Vec<Ports> = interfaces.iter().map(Ports::of).collect();
+        let ports: Vec<PortNumbers> = interfaces.iter().map(PortNumbers::of).collect();
         let planner = Planner {
             scenario: self,
             interfaces,
@@ -111,7 +114,7 @@ impl Scenario {
         let refuse = |errors: Vec<PlanError>| {
             let mistakes = errors
                 .iter()
-                .map(|error| self.source.mistake(&place(error, &origins), error.to_string()));
+                .map(|error| self.source.mistake(&key_of_error(error, &origins), error.to_string()));
             self.source.error(mistakes.collect())
         };
         let mut plan = Plan::build(specs.collect(), &links, self.duration, self.seed).map_err(refuse)?;
@@ -163,7 +166,7 @@ impl Scenario {
 }
 
 /// The key to which a plan's error belongs; `origins` has the connection of each link.
-fn place(error: &PlanError, origins: &HashMap<String, &str>) -> String {
+fn key_of_error(error: &PlanError, origins: &HashMap<String, &str>) -> String {
     let connection = |link: &str| {
         let origin = origins.get(link);
         origin.map_or("connections".to_owned(), |name| format!("connections.{name}"))
@@ -203,7 +206,7 @@ fn place(error: &PlanError, origins: &HashMap<String, &str>) -> String {
 struct Planner<'a, C> {
     scenario: &'a Scenario,
     interfaces: &'a [Interface],
-    ports: &'a [Ports],
+    ports: &'a [PortNumbers],
     certain: &'a C,
 }
 
@@ -215,7 +218,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
                 .source
                 .mistake(&format!("connections.{name}.{key}"), reason)
         };
-        let Some(from) = End::of(&connection.from) else {
+        let Some(from) = ConnectionEnd::of(&connection.from) else {
             return Err(vec![mistake("from", not_a_port(&connection.from))]);
         };
         let all = &connection.to;
@@ -225,7 +228,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
         }
         let (mut links, mut mistakes) = (Vec::new(), Vec::new());
         for to in all {
-            let Some(end) = End::of(to) else {
+            let Some(end) = ConnectionEnd::of(to) else {
                 mistakes.push(mistake("to", not_a_port(to)));
                 continue;
             };
@@ -261,8 +264,8 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
     fn link(
         &self,
         connection: &ConnectionSpec,
-        from: End<'_>,
-        to: End<'_>,
+        from: ConnectionEnd<'_>,
+        to: ConnectionEnd<'_>,
     ) -> Result<(Option<Conversion>, Option<Initial>), fields::Refusal> {
         let output = self.port(
             from,
@@ -275,21 +278,21 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
             |interface, port| &interface.inputs[port].descriptor,
         );
         let certain = |found: Option<(usize, _)>| found.filter(|&(participant, _)| (self.certain)(participant));
-        let known = fields::Known {
-            sends: certain(output).map(|(_, descriptor)| descriptor),
-            takes: certain(input).map(|(_, descriptor)| descriptor),
+        let ends = fields::LinkEnds {
+            output: certain(output).map(|(_, descriptor)| descriptor),
+            input: certain(input).map(|(_, descriptor)| descriptor),
             programs: [output, input].map(|found| Some(&self.scenario.participants[found?.0].program)),
         };
         let Some((_, assumed)) = output else {
             return Ok((None, None));
         };
-        let conversion = fields::conversion(connection, from, to, &known, assumed)?;
+        let conversion = fields::conversion(connection, from, to, &ends, assumed)?;
         let shown = match conversion {
-            Some(_) => known.takes,
-            None => known.sends,
+            Some(_) => ends.input,
+            None => ends.output,
         };
         let initial = shown.map(|shown| {
-            let initial = fields::initial(&connection.initial, to, &known)?;
+            let initial = fields::initial(&connection.initial, to, &ends)?;
             let initial = super::initial::initial(&initial, shown)?;
             match &conversion {
                 Some(conversion) => fields::check_initial(&initial, conversion, shown).map(|()| initial),
@@ -302,8 +305,8 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
     /// The participant at `end` and the descriptor of its port, if both exist.
     fn port<'a>(
         &'a self,
-        end: End<'_>,
-        numbers: impl Fn(&Ports) -> &HashMap<String, usize>,
+        end: ConnectionEnd<'_>,
+        numbers: impl Fn(&PortNumbers) -> &HashMap<String, usize>,
         descriptor: impl Fn(&'a Interface, usize) -> &'a Descriptor,
     ) -> Option<(usize, &'a Descriptor)> {
         let participant = self.scenario.names.number(end.participant)?;
@@ -313,16 +316,16 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
 }
 
 /// The numbers of a participant's ports by their names.
-struct Ports {
+struct PortNumbers {
     inputs: HashMap<String, usize>,
     outputs: HashMap<String, usize>,
 }
 
-impl Ports {
-    fn of(interface: &Interface) -> Ports {
+impl PortNumbers {
+    fn of(interface: &Interface) -> PortNumbers {
         let inputs = interface.inputs.iter().enumerate();
         let outputs = interface.outputs.iter().enumerate();
-        Ports {
+        PortNumbers {
             inputs: inputs.map(|(number, port)| (port.name.clone(), number)).collect(),
             outputs: outputs.map(|(number, port)| (port.name.clone(), number)).collect(),
         }

@@ -2,17 +2,17 @@
 
 /// An end of a connection: participant, port, and field or element if one is named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct End<'a> {
+pub(super) struct ConnectionEnd<'a> {
     pub(super) participant: &'a str,
     pub(super) port: &'a str,
     pub(super) field: Option<&'a str>,
 }
 
-impl End<'_> {
+impl ConnectionEnd<'_> {
     /// Splits `PARTICIPANT.PORT` or `PARTICIPANT.PORT.FIELD`.
-    pub(super) fn of(text: &str) -> Option<End<'_>> {
+    pub(super) fn of(text: &str) -> Option<ConnectionEnd<'_>> {
         let mut parts = text.splitn(3, '.');
-        let end = End {
+        let end = ConnectionEnd {
             participant: parts.next()?,
             port: parts.next()?,
             field: parts.next(),
@@ -32,7 +32,7 @@ pub(crate) fn port_of(text: &str) -> &str {
     dots.map_or(text, |(at, _)| &text[..at])
 }
 
-pub(super) fn port(text: &str) -> Option<(String, String)> {
+pub(super) fn parse_port(text: &str) -> Option<(String, String)> {
     let (participant, port) = text.split_once('.')?;
     (!participant.is_empty() && !port.is_empty()).then(|| (participant.to_owned(), port.to_owned()))
 }

@@ -6,7 +6,7 @@ use tape::StreamSpec;
 
 use super::error::{Mistake, ScenarioError};
 use super::names::{Names, unknown};
-use super::source::Source;
+use super::source::SourceContext;
 use super::spec::{Entries, RecordPart, RecordSpec, SEEN, ScenarioSpec, Time};
 use crate::run::Kept;
 
@@ -24,7 +24,7 @@ pub(super) struct RecordRequest {
 /// Reads the entries, as far as possible without the ports of the participants. The entry for a participant comes before those for
 /// its streams.
 pub(super) fn read(
-    source: &Source,
+    source: &SourceContext,
     participants: &Names,
     record: &Entries<RecordSpec>,
 ) -> Result<Vec<RecordRequest>, Vec<Mistake>> {
@@ -66,7 +66,7 @@ pub(super) fn read(
     }
 }
 
-fn check(source: &Source, key: &str, part: &RecordSpec) -> Result<(), Mistake> {
+fn check(source: &SourceContext, key: &str, part: &RecordSpec) -> Result<(), Mistake> {
     let RecordSpec::Part(part) = part else { return Ok(()) };
     if let Some(every) = time(&part.every).filter(|every| !every.is_positive()) {
         return Err(source.mistake(&format!("{key}.every"), format!("{every} must be above zero")));
@@ -85,7 +85,7 @@ fn time(time: &Option<Time>) -> Option<Rational> {
 }
 
 /// The samples of `spec` that `entry` asks for.
-fn kept(spec: &StreamSpec, part: &RecordPart) -> Result<Kept, (&'static str, String)> {
+fn kept_part(spec: &StreamSpec, part: &RecordPart) -> Result<Kept, (&'static str, String)> {
     let (every, from, to) = (time(&part.every), time(&part.from), time(&part.to));
     let times = [spec.offset, spec.period].into_iter();
     let own = times.chain([every, from, to].into_iter().flatten());
@@ -129,8 +129,8 @@ pub(super) fn leaves_out(record: &Entries<RecordSpec>, participant: &str, path: 
         SEEN => format!("{participant}.{SEEN}.{}", names.next().unwrap_or_default()),
         port => format!("{participant}.{port}"),
     };
-    let said = record.get(participant).or_else(|| record.get(&stream));
-    said.is_some_and(|said| *said != RecordSpec::Whole)
+    let entry = record.get(participant).or_else(|| record.get(&stream));
+    entry.is_some_and(|entry| *entry != RecordSpec::Whole)
 }
 
 impl ScenarioSpec {
@@ -149,17 +149,17 @@ impl RecordRequest {
 
 /// Which samples of each of `streams`, those of `plan`, are kept; entries for participants whose ports are not `certain` are left
 /// out.
-pub(super) fn of_streams(
+pub(super) fn kept_samples(
     requests: &[RecordRequest],
-    source: &Source,
+    source: &SourceContext,
     plan: &Plan,
     streams: &[StreamSpec],
     certain: impl Fn(usize) -> bool,
 ) -> Result<Vec<Kept>, ScenarioError> {
     let (mut all, mut mistakes) = (vec![Kept::WHOLE; streams.len()], Vec::new());
-    let (general, single): (Vec<&RecordRequest>, Vec<&RecordRequest>) =
+    let (whole_participants, single_streams): (Vec<&RecordRequest>, Vec<&RecordRequest>) =
         requests.iter().partition(|request| request.port.is_none());
-    for request in general.into_iter().chain(single) {
+    for request in whole_participants.into_iter().chain(single_streams) {
         if !plan.participant(&request.participant).is_some_and(&certain) {
             continue;
         }
@@ -167,20 +167,20 @@ pub(super) fn of_streams(
             .iter()
             .enumerate()
             .filter(|(_, spec)| spec.participant == request.participant);
-        let meant = own
+        let matching = own
             .clone()
             .filter(|(_, spec)| request.port.as_ref().is_none_or(|port| *port == spec.port));
-        let meant: Vec<(usize, &StreamSpec)> = meant.collect();
-        if let (true, Some(port)) = (meant.is_empty(), &request.port) {
+        let matching: Vec<(usize, &StreamSpec)> = matching.collect();
+        if let (true, Some(port)) = (matching.is_empty(), &request.port) {
             let known: Vec<&String> = own.map(|(_, spec)| &spec.port).collect();
             let reason = unknown("output", port, known.into_iter());
             mistakes.push(source.mistake(&format!("record.{}", request.key), reason));
         }
-        for (number, spec) in meant {
+        for (number, spec) in matching {
             let part = match &request.part {
                 RecordSpec::Whole => Ok(Kept::WHOLE),
                 RecordSpec::Nothing => Ok(Kept::NOTHING),
-                RecordSpec::Part(part) => kept(spec, part),
+                RecordSpec::Part(part) => kept_part(spec, part),
             };
             match part {
                 Ok(part) => all[number] = part,
@@ -200,7 +200,7 @@ pub(super) fn of_streams(
 }
 
 /// The error that `what` needs samples and `requests` leaves some of them out.
-pub(super) fn needed(requests: &[RecordRequest], source: &Source, what: &str) -> ScenarioError {
+pub(super) fn missing_samples_error(requests: &[RecordRequest], source: &SourceContext, what: &str) -> ScenarioError {
     let first = requests.iter().find(|request| !request.is_whole());
     let named = first
         .map(|request| format!("record.{}", request.key))
@@ -214,7 +214,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn table_says_which_streams_are_not_whole() {
+    fn record_table_names_streams_with_samples_left_out() {
         let record = [
             ("a", RecordSpec::Nothing),
             ("b.x", RecordSpec::Whole),

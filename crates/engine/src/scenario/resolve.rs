@@ -18,12 +18,12 @@ use super::fields;
 use super::guards::{self, Guard};
 use super::measures::{self, DeclaredMeasure};
 use super::names::{Names, ORCHESTRATOR};
-use super::pictures;
-use super::ports::{End, not_a_port, port};
+use super::ports::{ConnectionEnd, not_a_port, parse_port};
 use super::program::Program;
 use super::recorded::{self, RecordRequest};
-use super::source::Source;
-use super::spec::{Changes, FOLDER, Reading, ScenarioSpec};
+use super::report_view;
+use super::source::SourceContext;
+use super::spec::{Changes, FOLDER, PartialScenario, ScenarioSpec};
 use crate::builtins::{Builtins, HasBuiltins};
 use crate::text::check_title;
 
@@ -51,13 +51,13 @@ pub struct Scenario {
     pub(super) faults: Faults,
     pub(super) guards: Vec<Guard>,
     pub(super) measures: Vec<DeclaredMeasure>,
-    pub(super) pictures: View,
+    pub(super) view: View,
     pub(super) record: Vec<RecordRequest>,
     /// The content of the scenario.
     pub(super) spec: ScenarioSpec,
     /// The content as a table, once it was asked for.
     table: OnceLock<Table>,
-    pub(super) source: Source,
+    pub(super) source: SourceContext,
 }
 
 impl Scenario {
@@ -68,7 +68,7 @@ impl Scenario {
 
     /// Reads `file` with `changes`.
     pub fn changed(catalogue: &impl HasBuiltins, file: &Path, changes: &Changes) -> Result<Scenario, ScenarioError> {
-        Scenario::resolve(catalogue, Reading::of_file(file, changes)?, file)
+        Scenario::resolve(catalogue, PartialScenario::of_file(file, changes)?, file)
     }
 
     /// Resolves `text` as if it were the content of `file`.
@@ -83,7 +83,11 @@ impl Scenario {
         text: &str,
         changes: &Changes,
     ) -> Result<Scenario, ScenarioError> {
-        Scenario::resolve(catalogue, Reading::of_text(file, text.to_owned(), changes)?, file)
+        Scenario::resolve(
+            catalogue,
+            PartialScenario::of_text(file, text.to_owned(), changes)?,
+            file,
+        )
     }
 
     /// Resolves `spec` as the scenario in `file`: relative paths are relative to the folder of `file`, its name without the ending
@@ -94,7 +98,7 @@ impl Scenario {
     pub fn of(catalogue: &impl HasBuiltins, mut spec: ScenarioSpec, file: &Path) -> Result<Scenario, ScenarioError> {
         spec.origin.file = file.to_owned();
         let mut wrong = Vec::new();
-        spec.each_time(&mut |key, time| {
+        spec.for_each_time(&mut |key, time| {
             if let Err(error) = time.exact() {
                 wrong.push((key, error.to_string()));
             }
@@ -104,17 +108,17 @@ impl Scenario {
             return Err(spec.origin.error(mistakes.collect()));
         }
         let folder = spec.folder_at(file);
-        spec.fill_in_files(&folder)?;
-        Scenario::resolve(catalogue, Reading::complete(spec), file)
+        spec.include_files(&folder)?;
+        Scenario::resolve(catalogue, PartialScenario::of_spec(spec), file)
     }
 
-    fn resolve(catalogue: &impl HasBuiltins, reading: Reading, file: &Path) -> Result<Scenario, ScenarioError> {
-        let Reading {
+    fn resolve(catalogue: &impl HasBuiltins, partial: PartialScenario, file: &Path) -> Result<Scenario, ScenarioError> {
+        let PartialScenario {
             spec,
-            broken,
+            unread,
             mut mistakes,
-        } = reading;
-        let source = Source {
+        } = partial;
+        let source = SourceContext {
             builtins: catalogue.builtins().clone(),
             folder: spec.folder_at(file),
             origin: spec.origin.clone(),
@@ -122,13 +126,13 @@ impl Scenario {
         if let Err(reason) = check_title(&spec.title) {
             mistakes.push(source.mistake("title", reason));
         }
-        let misnamed = misnamed(&source, &spec);
-        if !misnamed.is_empty() {
+        let name_mistakes = name_mistakes(&source, &spec);
+        if !name_mistakes.is_empty() {
             // What refers to such a participant would be refused for another reason.
-            mistakes.extend(misnamed);
+            mistakes.extend(name_mistakes);
             return Err(source.error(mistakes));
         }
-        let mut all: Vec<&String> = spec.participants.keys().chain(&broken.participants).collect();
+        let mut all: Vec<&String> = spec.participants.keys().chain(&unread.participants).collect();
         all.sort();
         let names = Names::new(all.iter().map(|name| (*name).clone()));
         let mut resolved = Vec::new();
@@ -145,8 +149,8 @@ impl Scenario {
             };
             resolved.push(entry.map_err(|mistake| mistakes.push(mistake)).ok());
         }
-        let known = Names::new(spec.connections.keys().chain(&broken.connections).cloned());
-        let faults = faults::read(&source, &names, &resolved, &known, &spec.faults, &broken.faults);
+        let known = Names::new(spec.connections.keys().chain(&unread.connections).cloned());
+        let faults = faults::read(&source, &names, &resolved, &known, &spec.faults, &unread.faults);
         let (faults, substitutions) = faults.unwrap_or_else(|wrong| {
             mistakes.extend(wrong);
             Default::default()
@@ -156,8 +160,8 @@ impl Scenario {
         let guards = guards.map_err(&mut refused).unwrap_or_default();
         let measures = measures::read(&source.origin, &spec.measures);
         let measures = measures.map_err(&mut refused).unwrap_or_default();
-        let pictures = pictures::read(&source, &names, spec.report.as_ref(), spec.scene.as_ref());
-        let pictures = pictures.map_err(&mut refused).unwrap_or_default();
+        let view = report_view::read(&source, &names, spec.report.as_ref(), spec.scene.as_ref());
+        let view = view.map_err(&mut refused).unwrap_or_default();
         let record = recorded::read(&source, &names, &spec.record);
         let record = record.map_err(&mut refused).unwrap_or_default();
         let inputs = open_inputs(&source, &names, &spec.inputs);
@@ -179,7 +183,7 @@ impl Scenario {
             faults,
             guards,
             measures,
-            pictures,
+            view,
             record,
             spec,
             table: OnceLock::new(),
@@ -224,7 +228,7 @@ impl Scenario {
     /// every default. A folder whose name is not valid text is left out.
     pub fn written(&self) -> ScenarioSpec {
         let folder = self.source.folder_in_full();
-        let mut spec = self.spec.filled();
+        let mut spec = self.spec.with_defaults();
         spec.folder = folder.as_deref().and_then(Path::to_str).map(str::to_owned);
         spec
     }
@@ -255,9 +259,11 @@ impl Scenario {
         policies.any(|policy| *policy == OnFailure::Restart)
     }
 
-    /// The guards in words, with their names.
+    /// The names of the guards, with their conditions as text.
     pub fn guards(&self) -> impl Iterator<Item = (&str, String)> {
-        self.guards.iter().map(|guard| (guard.name.as_str(), guard.words()))
+        self.guards
+            .iter()
+            .map(|guard| (guard.name.as_str(), guard.description()))
     }
 
     /// Whether every sample is kept.
@@ -267,7 +273,7 @@ impl Scenario {
 
     /// The error that `what` needs every sample, and the run does not keep every sample.
     pub(crate) fn needs_samples(&self, what: &str) -> ScenarioError {
-        recorded::needed(&self.record, &self.source, what)
+        recorded::missing_samples_error(&self.record, &self.source, what)
     }
 
     /// Remarks about settings that are not wrong, but cannot have been intended.
@@ -292,7 +298,7 @@ impl Scenario {
             );
         }
         for (name, connection) in self.spec.connections.iter().filter(|(_, own)| own.hold == Hold::Linear) {
-            let producer = End::of(&connection.from).and_then(|from| self.names.number(from.participant));
+            let producer = ConnectionEnd::of(&connection.from).and_then(|from| self.names.number(from.participant));
             let period = producer.map(|number| self.participants[number].period);
             let delay = connection.timing().delay;
             if let Some(period) = period.filter(|period| delay < *period) {
@@ -303,17 +309,17 @@ impl Scenario {
                 remark(&format!("connections.{name}.hold"), reason);
             }
         }
-        let faults = self.faults.begins();
+        let faults = self.faults.start_times();
         let substitutions = self.substitutions.iter().map(|one| (one.key.clone(), one.at));
-        let mut begins: Vec<(String, Rational)> = faults.chain(substitutions).collect();
-        begins.sort();
-        for (key, at) in begins {
+        let mut start_times: Vec<(String, Rational)> = faults.chain(substitutions).collect();
+        start_times.sort();
+        for (key, at) in start_times {
             if at >= end {
                 let reason = format!("{at} is not before the end at {end}: it does not happen in this run");
                 remark(&format!("{key}.at"), reason);
             }
         }
-        for (key, time) in self.measures.iter().filter_map(|measure| measure.late(end)) {
+        for (key, time) in self.measures.iter().filter_map(|measure| measure.window_after_end(end)) {
             remark(
                 &key,
                 format!("{time} is after the end at {end}: nothing is measured in this run"),
@@ -341,7 +347,7 @@ impl Scenario {
 
     /// The error that a parameter of `entry` is refused, with its place in the file.
     pub fn refusal(&self, entry: &Entry, key: &str, reason: &str) -> ScenarioError {
-        self.source.error(vec![self.refused(entry, key, reason)])
+        self.source.error(vec![self.refusal_mistake(entry, key, reason)])
     }
 
     /// The error that the value at `key` is refused.
@@ -355,7 +361,7 @@ impl Scenario {
         let mistakes = wrong.iter().map(|(number, reason)| {
             let key = |key: &str| format!("participants.{}.{key}", self.participants[*number].setup.name);
             let [period, offset] = ["period", "offset"].map(key);
-            let moved = self.source.origin.changes(&offset) && !self.source.origin.changes(&period);
+            let moved = self.source.origin.is_changed(&offset) && !self.source.origin.is_changed(&period);
             self.source
                 .mistake(if moved { &offset } else { &period }, reason.as_str())
         });
@@ -379,7 +385,7 @@ impl Scenario {
 
     /// A mistake in a parameter. It stands at the parameter if the program that refuses it was written for it, and otherwise at the
     /// program that has taken the place of that one.
-    pub(super) fn parameter(&self, entry: &Entry, key: &str, reason: &str) -> Mistake {
+    pub(super) fn parameter_mistake(&self, entry: &Entry, key: &str, reason: &str) -> Mistake {
         let place = &entry.parameters_key;
         let key = if key.is_empty() {
             place.clone()
@@ -387,7 +393,7 @@ impl Scenario {
             format!("{place}.{key}")
         };
         let own = self.source.mistake(&key, reason);
-        if !self.took_over(entry) {
+        if !self.has_foreign_parameters(entry) {
             return own;
         }
         let line = own.line.map_or(String::new(), |line| format!(" (line {line})"));
@@ -396,18 +402,18 @@ impl Scenario {
     }
 
     /// Whether the program of `entry` has taken over the parameters of another one.
-    fn took_over(&self, entry: &Entry) -> bool {
+    fn has_foreign_parameters(&self, entry: &Entry) -> bool {
         let table = |key: &'static str, of: &str| of.strip_suffix(key).map(str::to_owned);
-        let stands_apart = table(".run", &entry.run_key) != table(".parameters", &entry.parameters_key);
-        stands_apart || self.source.origin.substitutes(&entry.run_key)
+        let is_separate = table(".run", &entry.run_key) != table(".parameters", &entry.parameters_key);
+        is_separate || self.source.origin.is_substituted(&entry.run_key)
     }
 }
 
 /// The mistakes in the names of participants.
-fn misnamed(source: &Source, spec: &ScenarioSpec) -> Vec<Mistake> {
-    let fits = |name: &str| name.starts_with(|c: char| c.is_ascii_alphabetic()) && is_name(name, NAME_MAX);
-    let bad = spec.participants.keys().filter(|name| !fits(name));
-    let mistakes = bad.map(|name| {
+fn name_mistakes(source: &SourceContext, spec: &ScenarioSpec) -> Vec<Mistake> {
+    let is_valid = |name: &str| name.starts_with(|c: char| c.is_ascii_alphabetic()) && is_name(name, NAME_MAX);
+    let invalid = spec.participants.keys().filter(|name| !is_valid(name));
+    let mistakes = invalid.map(|name| {
         let reason = PlanError::Name(name.clone()).to_string();
         source.mistake(&format!("participants.{name}"), reason)
     });
@@ -415,7 +421,7 @@ fn misnamed(source: &Source, spec: &ScenarioSpec) -> Vec<Mistake> {
 }
 
 /// The participants and the inputs that `inputs` names.
-fn open_inputs(source: &Source, names: &Names, ports: &[String]) -> Result<Vec<(usize, String)>, Vec<Mistake>> {
+fn open_inputs(source: &SourceContext, names: &Names, ports: &[String]) -> Result<Vec<(usize, String)>, Vec<Mistake>> {
     let (mut inputs, mut mistakes) = (Vec::new(), Vec::new());
     for port in ports {
         match open_input(names, port) {
@@ -428,7 +434,7 @@ fn open_inputs(source: &Source, names: &Names, ports: &[String]) -> Result<Vec<(
 
 /// The participant and the input that an entry of `inputs` names.
 fn open_input(names: &Names, text: &str) -> Result<(usize, String), String> {
-    let (participant, input) = port(text).ok_or_else(|| not_a_port(text))?;
+    let (participant, input) = parse_port(text).ok_or_else(|| not_a_port(text))?;
     let number = names.number(&participant);
     let number = number.ok_or_else(|| names.unknown("participant", &participant))?;
     Ok((number, input))

@@ -3,24 +3,24 @@
 use std::path::{Path, PathBuf};
 
 use super::error::Mistake;
-use super::program::{Program, in_path, runs};
-use super::source::Source;
+use super::program::{Program, in_path, is_executable};
+use super::source::SourceContext;
 use super::spec::{FOLDER, RunSpec};
 
 /// Reads a `run` table at `key`.
-pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Program, Mistake> {
+pub(super) fn resolve_program(source: &SourceContext, key: &str, run: &RunSpec) -> Result<Program, Mistake> {
     if let (None, None, None, Some(file)) = (&run.builtin, &run.exe, &run.library, &run.fmu) {
         return fmu_program(source, key, file, run);
     }
-    if run.fmu.is_some() || !run.beside_fmu().is_empty() {
+    if run.fmu.is_some() || !run.fmu_options().is_empty() {
         return Err(source.mistake(
             key,
             "`ports`, `messages`, `record`, `feedthrough` and `tolerance` belong to { fmu = \"FILE.fmu\" }, which stands without another program",
         ));
     }
-    let stray = |what: &str, remedy: &str| Err(source.mistake(key, format!("{what}: {remedy}")));
+    let misplaced = |what: &str, remedy: &str| Err(source.mistake(key, format!("{what}: {remedy}")));
     if run.library.is_none() && run.participant.is_some() {
-        return stray(
+        return misplaced(
             "`participant` chooses one of a library",
             "leave it out, or name a `library`",
         );
@@ -39,11 +39,11 @@ pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Progr
         }
         (None, None, Some(file)) => {
             if !run.args.is_empty() {
-                return stray("a library takes no args", "use `parameters`");
+                return misplaced("a library takes no args", "use `parameters`");
             }
             let path = source.folder.join(file);
             plugin::look(&path).map_err(|wrong| {
-                let from = from_where(file);
+                let from = relative_path_hint(file);
                 source.mistake(key, format!("{wrong}{from}"))
             })?;
             let file = absolute(&path).map_err(|reason| source.mistake(key, reason))?;
@@ -52,7 +52,7 @@ pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Progr
         }
         (None, Some(exe), None) => {
             let folder = &source.folder;
-            let found = find(folder, exe).and_then(|exe| Ok((exe, absolute(folder)?)));
+            let found = find_executable(folder, exe).and_then(|exe| Ok((exe, absolute(folder)?)));
             let (exe, folder) = found.map_err(|reason| source.mistake(key, reason))?;
             if !folder.is_dir() {
                 let reason = format!("there is no folder `{}`, in which programs are started", folder.display());
@@ -69,12 +69,12 @@ pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Progr
 }
 
 /// An FMU is read here, so that a file that is no FMU is refused with its line; none of its code runs.
-fn fmu_program(source: &Source, key: &str, file: &str, run: &RunSpec) -> Result<Program, Mistake> {
+fn fmu_program(source: &SourceContext, key: &str, file: &str, run: &RunSpec) -> Result<Program, Mistake> {
     if !run.args.is_empty() {
         return Err(source.mistake(key, "an FMU takes no args: use `parameters`"));
     }
     let path = source.folder.join(file);
-    let options = run.beside_fmu();
+    let options = run.fmu_options();
     let aliases = fmu::check(&path, &options).map_err(|error| {
         let below = if error.key.is_empty() { "fmu" } else { &error.key };
         source.mistake(&format!("{key}.{below}"), error.reason)
@@ -85,13 +85,13 @@ fn fmu_program(source: &Source, key: &str, file: &str, run: &RunSpec) -> Result<
 }
 
 /// A program named with a slash is relative to the scenario; a bare name is searched for in PATH.
-fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
+fn find_executable(folder: &Path, exe: &str) -> Result<PathBuf, String> {
     if exe.contains('/') {
         let path = folder.join(exe);
-        return if runs(&path) {
+        return if is_executable(&path) {
             absolute(&path)
         } else {
-            let from = from_where(exe);
+            let from = relative_path_hint(exe);
             Err(format!("`{}` is not an executable file{from}", path.display()))
         };
     }
@@ -101,7 +101,7 @@ fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
 }
 
 /// A note for relative paths on where such a file is searched for. An option that takes a program names it in full.
-fn from_where(file: &str) -> &'static str {
+fn relative_path_hint(file: &str) -> &'static str {
     match Path::new(file).is_absolute() {
         true => "",
         false => "; a relative path is one from the scenario's folder",

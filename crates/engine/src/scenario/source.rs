@@ -9,14 +9,14 @@ use crate::builtins::Builtins;
 
 /// The context of a scenario.
 #[derive(Clone)]
-pub(super) struct Source {
+pub(super) struct SourceContext {
     pub(super) builtins: Arc<Builtins>,
     pub(super) origin: Origin,
     /// The folder that relative paths are relative to.
     pub(super) folder: PathBuf,
 }
 
-impl Source {
+impl SourceContext {
     /// The absolute folder; `None` when there is no current folder.
     pub(super) fn folder_in_full(&self) -> Option<PathBuf> {
         std::path::absolute(self.folder.join(".")).ok()

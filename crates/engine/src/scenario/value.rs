@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-/// Text that is valid TOML is read as TOML; anything else is a string, so that quotes need not survive the shell.
+/// Text that is valid TOML is read as TOML; anything else is a string, so that a command line needs no quotes inside quotes.
 pub fn value(text: &str) -> Value {
     let read = format!("x = {text}").parse::<Table>().ok();
     // More than one key: the text contained another line of TOML.
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn brackets_that_are_not_toml_are_no_text() {
+    fn checked_value_rejects_brackets_that_are_not_toml() {
         for text in ["{ position = 1e400 }", "[1, 2", "[1, 1e400]", "{ a = }", "[draft]"] {
             let read = checked_value(text);
             if text.ends_with([']', '}']) {

@@ -2,14 +2,14 @@
 
 use lockstep::random::Stream;
 
-use super::uniform::{inside, open, stream};
+use super::uniform::{clamp_open, stream, uniform_open};
 
 /// Strata of equal width, assigned to the points by a random permutation.
 #[derive(Debug, Clone)]
 pub(super) struct Strata {
-    within: Stream,
+    offsets: Stream,
     /// The stratum of each point.
-    of: Vec<u32>,
+    stratum_of: Vec<u32>,
 }
 
 impl Strata {
@@ -19,20 +19,20 @@ impl Strata {
         let count = u32::try_from(points.max(1)).unwrap_or(u32::MAX);
         let mut order: Vec<u32> = (0..count).collect();
         order.sort_by_key(|k| (keys.bits(u64::from(*k)), *k));
-        let mut of = vec![0; order.len()];
+        let mut stratum_of = vec![0; order.len()];
         for (stratum, k) in (0..count).zip(order) {
-            of[k as usize] = stratum;
+            stratum_of[k as usize] = stratum;
         }
         Strata {
-            within: stream(seed, name),
-            of,
+            offsets: stream(seed, name),
+            stratum_of,
         }
     }
 
     /// For points beyond the design, the strata repeat from the start.
     pub(super) fn at(&self, k: u64) -> f64 {
-        let count = self.of.len() as u64;
-        let stratum = self.of[(k % count) as usize];
-        inside((f64::from(stratum) + open(&self.within, k)) / count as f64)
+        let count = self.stratum_of.len() as u64;
+        let stratum = self.stratum_of[(k % count) as usize];
+        clamp_open((f64::from(stratum) + uniform_open(&self.offsets, k)) / count as f64)
     }
 }

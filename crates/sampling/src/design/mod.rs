@@ -10,15 +10,15 @@ use lockstep::random::Stream;
 pub use joe_kuo::DIMENSIONS;
 use latin::Strata;
 use sobol::Scrambled;
-pub(crate) use uniform::inside;
-use uniform::{open, stream};
+pub(crate) use uniform::clamp_open;
+use uniform::{stream, uniform_open};
 
 /// One axis of the unit cube.
 #[derive(Debug, Clone)]
-pub struct Coordinate(Way);
+pub struct Coordinate(Method);
 
 #[derive(Debug, Clone)]
-enum Way {
+enum Method {
     Random(Stream),
     Latin(Strata),
     Sobol(Box<Scrambled>),
@@ -27,25 +27,27 @@ enum Way {
 impl Coordinate {
     /// Independent random numbers of the stream `vary NAME`.
     pub fn random(seed: u64, name: &str) -> Coordinate {
-        Coordinate(Way::Random(stream(seed, name)))
+        Coordinate(Method::Random(stream(seed, name)))
     }
 
     /// A Latin hypercube of `points` points: each of `points` equal strata contains one. Every value depends on the number of points.
     pub fn latin_hypercube(seed: u64, name: &str, points: u64) -> Coordinate {
-        Coordinate(Way::Latin(Strata::new(seed, name, points)))
+        Coordinate(Method::Latin(Strata::new(seed, name, points)))
     }
 
     /// Dimension `dimension`, from 0, of a Sobol' sequence with Owen's nested uniform scrambling. `None` from [`DIMENSIONS`] on.
     pub fn sobol(seed: u64, name: &str, dimension: usize) -> Option<Coordinate> {
-        Some(Coordinate(Way::Sobol(Box::new(Scrambled::new(seed, name, dimension)?))))
+        Some(Coordinate(Method::Sobol(Box::new(Scrambled::new(
+            seed, name, dimension,
+        )?))))
     }
 
     /// The coordinate of point `k`, from 0: in the open interval (0, 1).
     pub fn at(&self, k: u64) -> f64 {
         match &self.0 {
-            Way::Random(stream) => open(stream, k),
-            Way::Latin(strata) => strata.at(k),
-            Way::Sobol(sequence) => sequence.at(k),
+            Method::Random(stream) => uniform_open(stream, k),
+            Method::Latin(strata) => strata.at(k),
+            Method::Sobol(sequence) => sequence.at(k),
         }
     }
 }
@@ -54,6 +56,6 @@ impl Coordinate {
 pub const SOBOL_BITS: u32 = sobol::BITS;
 
 /// Point `k` of dimension `dimension` without scrambling, as a multiple of 2^-32. `None` from [`DIMENSIONS`] on.
-pub fn plain_sobol(dimension: usize, k: u64) -> Option<u32> {
+pub fn unscrambled_sobol(dimension: usize, k: u64) -> Option<u32> {
     Some(sobol::Sequence::new(dimension)?.at(k))
 }

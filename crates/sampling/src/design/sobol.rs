@@ -3,7 +3,7 @@
 use lockstep::random::Stream;
 
 use super::joe_kuo::{DIMENSIONS, NUMBERS};
-use super::uniform::{inside, open, stream};
+use super::uniform::{clamp_open, stream, uniform_open};
 
 /// Bits of a point that the sequence determines: enough for 2^32 points.
 pub(super) const BITS: u32 = 32;
@@ -57,16 +57,16 @@ impl Sequence {
 #[derive(Debug, Clone)]
 pub(super) struct Scrambled {
     sequence: Sequence,
-    flips: Stream,
-    below: Stream,
+    flip_bits: Stream,
+    low_bits: Stream,
 }
 
 impl Scrambled {
     pub(super) fn new(seed: u64, name: &str, dimension: usize) -> Option<Scrambled> {
         Some(Scrambled {
             sequence: Sequence::new(dimension)?,
-            flips: Stream::new(seed, &format!("scramble {name}")),
-            below: stream(seed, name),
+            flip_bits: Stream::new(seed, &format!("scramble {name}")),
+            low_bits: stream(seed, name),
         })
     }
 
@@ -76,9 +76,9 @@ impl Scrambled {
         let mut scrambled = plain;
         for bit in 0..BITS {
             let before = (u64::from(plain) >> (BITS - bit)) | (1 << bit);
-            let flip = (self.flips.bits(before) & 1) as u32;
+            let flip = (self.flip_bits.bits(before) & 1) as u32;
             scrambled ^= flip << (BITS - 1 - bit);
         }
-        inside((f64::from(scrambled) + open(&self.below, k)) / 4_294_967_296.0)
+        clamp_open((f64::from(scrambled) + uniform_open(&self.low_bits, k)) / 4_294_967_296.0)
     }
 }

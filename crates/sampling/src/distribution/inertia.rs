@@ -5,7 +5,7 @@
 //! A J Aᵀ is again that of a body, stretched and rotated by A.
 
 use super::normal::quantile;
-use super::rotation::{misalignment, rotate, small_rotation};
+use super::rotation::{misalignment, rotate, rotation_from_vector};
 
 /// Dispersion of a body: stretched along the axes x, y and z and slightly rotated.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,7 +13,7 @@ pub struct Inertia {
     /// The standard deviation of the logarithm of the second moment along each axis.
     pub log_deviation: f64,
     /// The standard deviation of the rotation about each axis, rad.
-    pub turn: f64,
+    pub rotation_deviation: f64,
 }
 
 /// Whether three principal moments are those of a body: none exceeds the sum of the others.
@@ -45,7 +45,7 @@ impl Inertia {
         let half = 0.5 * (xx + yy + zz);
         let j = [[half - xx, -xy, -xz], [-xy, half - yy, -yz], [-xz, -yz, half - zz]];
         let factors = self.factors([u[0], u[1], u[2]]).map(libm::sqrt);
-        let q = small_rotation(misalignment(self.turn, [u[3], u[4], u[5]]));
+        let q = rotation_from_vector(misalignment(self.rotation_deviation, [u[3], u[4], u[5]]));
         // The columns of A: each axis stretched, then rotated.
         let columns: [[f64; 3]; 3] = std::array::from_fn(|k| {
             let mut axis = [0.0; 3];

@@ -27,15 +27,20 @@ pub fn misalignment(deviation: f64, u: [f64; 3]) -> [f64; 3] {
 }
 
 /// The rotation about the vector `turn` by its length, rad.
-pub fn small_rotation(turn: [f64; 3]) -> Quaternion {
-    let angle = libm::sqrt(turn.iter().map(|x| x * x).sum());
+pub fn rotation_from_vector(rotation_vector: [f64; 3]) -> Quaternion {
+    let angle = libm::sqrt(rotation_vector.iter().map(|x| x * x).sum());
     // sin(x/2)/x, with the limit 1/2 at zero.
     let part = if angle > 1e-9 {
         libm::sin(0.5 * angle) / angle
     } else {
         0.5
     };
-    [libm::cos(0.5 * angle), part * turn[0], part * turn[1], part * turn[2]]
+    [
+        libm::cos(0.5 * angle),
+        part * rotation_vector[0],
+        part * rotation_vector[1],
+        part * rotation_vector[2],
+    ]
 }
 
 /// First `b`, then `a`, both in the same fixed axes: the product a b.

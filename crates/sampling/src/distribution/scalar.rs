@@ -1,6 +1,6 @@
 //! Scalar distributions.
 
-use super::impossible::{Impossible, impossible};
+use super::invalid::{InvalidParameter, invalid};
 use super::normal::{cumulative, quantile};
 
 /// A scalar distribution. Values are in any unit, the same for all parameters with a unit.
@@ -50,26 +50,26 @@ pub enum Scalar {
 }
 
 /// Smallest probability mass of a normal distribution that can be sampled.
-const NOTHING: f64 = 1e-250;
+const MASS_MIN: f64 = 1e-250;
 
 impl Scalar {
     /// Checks the parameters.
     ///
     /// # Errors
     /// Names the invalid parameter.
-    pub fn check(&self) -> Result<(), Impossible> {
+    pub fn check(&self) -> Result<(), InvalidParameter> {
         let ordered = |from: f64, to: f64| {
             if from < to {
                 Ok(())
             } else {
-                Err(impossible("to", format!("{to} is not above `from` = {from}")))
+                Err(invalid("to", format!("{to} is not above `from` = {from}")))
             }
         };
         let positive = |name, value: f64| {
             if value > 0.0 {
                 Ok(())
             } else {
-                Err(impossible(name, format!("{value} is not above zero")))
+                Err(invalid(name, format!("{value} is not above zero")))
             }
         };
         match *self {
@@ -84,11 +84,11 @@ impl Scalar {
                 positive("deviation", deviation)?;
                 ordered(from, to)?;
                 let (low, high) = mirrored((from - mean) / deviation, (to - mean) / deviation);
-                if cumulative(high) - cumulative(low) > NOTHING {
+                if cumulative(high) - cumulative(low) > MASS_MIN {
                     Ok(())
                 } else {
                     let text = format!("no draw of a normal distribution around {mean} lies between {from} and {to}");
-                    Err(impossible("mean", text))
+                    Err(invalid("mean", text))
                 }
             }
             Scalar::LogNormal { median, log_deviation } => {
@@ -100,7 +100,7 @@ impl Scalar {
                 if (from..=to).contains(&mode) {
                     Ok(())
                 } else {
-                    Err(impossible("mode", format!("{mode} is not from {from} to {to}")))
+                    Err(invalid("mode", format!("{mode} is not from {from} to {to}")))
                 }
             }
         }
@@ -119,11 +119,11 @@ impl Scalar {
             } => {
                 let (from_z, to_z) = ((from - mean) / deviation, (to - mean) / deviation);
                 // In the upper tail differences of numbers close to one would lose all digits: there the mirror image is used.
-                let turned = from_z > 0.0;
+                let is_mirrored = from_z > 0.0;
                 let (low, high) = mirrored(from_z, to_z);
-                let u = if turned { 1.0 - u } else { u };
+                let u = if is_mirrored { 1.0 - u } else { u };
                 let z = quantile(cumulative(low) + u * (cumulative(high) - cumulative(low)));
-                (mean + deviation * if turned { -z } else { z }).clamp(from, to)
+                (mean + deviation * if is_mirrored { -z } else { z }).clamp(from, to)
             }
             Scalar::LogNormal { median, log_deviation } => median * libm::exp(log_deviation * quantile(u)),
             Scalar::Triangular { from, mode, to } => {
@@ -152,20 +152,20 @@ impl Weights {
     ///
     /// # Errors
     /// Weights that are negative or not finite, or no weight above zero.
-    pub fn new(weights: &[f64]) -> Result<Weights, Impossible> {
+    pub fn new(weights: &[f64]) -> Result<Weights, InvalidParameter> {
         if let Some(wrong) = weights.iter().find(|weight| !(weight.is_finite() && **weight >= 0.0)) {
-            return Err(impossible("weights", format!("{wrong} is negative or not finite")));
+            return Err(invalid("weights", format!("{wrong} is negative or not finite")));
         }
-        let mut below = 0.0;
+        let mut sum = 0.0;
         let sums = weights.iter().map(|weight| {
-            below += weight;
-            below
+            sum += weight;
+            sum
         });
         let sums: Vec<f64> = sums.collect();
-        if below > 0.0 {
+        if sum > 0.0 {
             Ok(Weights(sums))
         } else {
-            Err(impossible("weights", "none is above zero"))
+            Err(invalid("weights", "none is above zero"))
         }
     }
 

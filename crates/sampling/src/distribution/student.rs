@@ -2,9 +2,9 @@
 
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
-/// The quantile, exceeded with probability 1 - `u`, for `u` in (0, 1) and `freedom` degrees of freedom, one or more.
-pub fn quantile(u: f64, freedom: usize) -> f64 {
-    let inside = (2.0 * u - 1.0).abs();
+/// The quantile, exceeded with probability 1 - `u`, for `u` in (0, 1) and one or more degrees of freedom.
+pub fn quantile(u: f64, degrees_of_freedom: usize) -> f64 {
+    let central = (2.0 * u - 1.0).abs();
     let (mut low, mut high) = (0.0, FRAC_PI_2);
     // Bisection until no double is left between the ends.
     loop {
@@ -12,21 +12,22 @@ pub fn quantile(u: f64, freedom: usize) -> f64 {
         if angle <= low || angle >= high {
             break;
         }
-        match within(angle, freedom) < inside {
+        match central_probability(angle, degrees_of_freedom) < central {
             true => low = angle,
             false => high = angle,
         }
     }
-    (libm::tan(low) * (freedom as f64).sqrt()).copysign(u - 0.5)
+    (libm::tan(low) * (degrees_of_freedom as f64).sqrt()).copysign(u - 0.5)
 }
 
-/// The probability that |t| is below tan(`angle`)·√`freedom`: Abramowitz and Stegun, *Handbook of Mathematical Functions*, 26.7.3 and 26.7.4.
-fn within(angle: f64, freedom: usize) -> f64 {
+/// The probability that |t| is below tan(`angle`)·√n with n = `degrees_of_freedom`: Abramowitz and Stegun, *Handbook of Mathematical
+/// Functions*, 26.7.3 and 26.7.4.
+fn central_probability(angle: f64, degrees_of_freedom: usize) -> f64 {
     let (sine, cosine) = libm::sincos(angle);
-    let odd = freedom % 2;
+    let odd = degrees_of_freedom % 2;
     // The series begins with 1 for even degrees of freedom and with the cosine for odd ones.
     let (mut term, mut sum) = (if odd == 1 { cosine } else { 1.0 }, 0.0);
-    for k in (odd..freedom.saturating_sub(1)).step_by(2) {
+    for k in (odd..degrees_of_freedom.saturating_sub(1)).step_by(2) {
         sum += term;
         term *= cosine * cosine * (k + 1) as f64 / (k + 2) as f64;
     }
@@ -42,8 +43,8 @@ mod tests {
 
     /// Values of `scipy.stats.t.ppf` (SciPy 1.17.1).
     #[test]
-    fn quantiles_are_those_of_scipy() {
-        for (u, freedom, expected) in [
+    fn student_quantiles_match_scipy() {
+        for (u, degrees_of_freedom, expected) in [
             (0.975, 1, 12.706204736174694),
             (0.975, 2, 4.302652729749462),
             (0.975, 3, 3.1824463052837078),
@@ -72,15 +73,15 @@ mod tests {
             (0.9995, 200, 3.3398354062757107),
             (0.9995, 1001, 3.3002728760660403),
         ] {
-            let own = quantile(u, freedom);
+            let own = quantile(u, degrees_of_freedom);
             assert!(
                 (own / expected - 1.0).abs() < 1e-12,
-                "t({u}; {freedom}) = {own}, not {expected}"
+                "t({u}; {degrees_of_freedom}) = {own}, not {expected}"
             );
-            let other = quantile(1.0 - u, freedom);
+            let other = quantile(1.0 - u, degrees_of_freedom);
             assert!(
                 (other / expected + 1.0).abs() < 1e-9,
-                "t({}; {freedom}) = {other}",
+                "t({}; {degrees_of_freedom}) = {other}",
                 1.0 - u
             );
         }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::impossible::{Impossible, impossible};
+use super::invalid::{InvalidParameter, invalid};
 use super::normal::quantile;
 
 /// A multivariate normal distribution.
@@ -10,7 +10,7 @@ use super::normal::quantile;
 pub struct Correlated {
     mean: Vec<f64>,
     /// The Cholesky factor (lower triangle) of the covariance, row by row.
-    root: Vec<Vec<f64>>,
+    cholesky: Vec<Vec<f64>>,
 }
 
 impl Correlated {
@@ -18,16 +18,20 @@ impl Correlated {
     ///
     /// # Errors
     /// A matrix of the wrong size, or one that is no correlation matrix; negative deviations. A deviation of zero gives a constant.
-    pub fn new(mean: &[f64], deviations: &[f64], correlations: Option<&[Vec<f64>]>) -> Result<Correlated, Impossible> {
+    pub fn new(
+        mean: &[f64],
+        deviations: &[f64],
+        correlations: Option<&[Vec<f64>]>,
+    ) -> Result<Correlated, InvalidParameter> {
         let n = mean.len();
         if deviations.len() != n {
             let reason = format!("has {} numbers for {n} means", deviations.len());
-            return Err(impossible("deviations", reason));
+            return Err(invalid("deviations", reason));
         }
         if let Some(wrong) = deviations.iter().find(|one| !(one.is_finite() && **one >= 0.0)) {
-            return Err(impossible("deviations", format!("{wrong} is negative or not finite")));
+            return Err(invalid("deviations", format!("{wrong} is negative or not finite")));
         }
-        let refuse = |reason: String| impossible("correlations", reason);
+        let refuse = |reason: String| invalid("correlations", reason);
         if let Some(rows) = correlations {
             if rows.len() != n || rows.iter().any(|row| row.len() != n) {
                 return Err(refuse(format!("is not a matrix of {n} rows with {n} numbers")));
@@ -44,10 +48,10 @@ impl Correlated {
             }
         }
         let one = |i: usize, j: usize| correlations.map_or(f64::from(u8::from(i == j)), |rows| rows[i][j]);
-        let mut root = vec![vec![0.0; n]; n];
+        let mut cholesky = vec![vec![0.0; n]; n];
         for i in 0..n {
             for j in 0..=i {
-                let sum: f64 = (0..j).map(|k| root[i][k] * root[j][k]).sum();
+                let sum: f64 = (0..j).map(|k| cholesky[i][k] * cholesky[j][k]).sum();
                 let rest = one(i, j) - sum;
                 if i == j {
                     // A number determined by the others has zero remaining variance; rounding may make it slightly negative.
@@ -56,9 +60,9 @@ impl Correlated {
                             "contradicts itself: no random numbers have these correlations".into(),
                         ));
                     }
-                    root[i][i] = libm::sqrt(rest.max(0.0));
-                } else if root[j][j] > 1e-7 {
-                    root[i][j] = rest / root[j][j];
+                    cholesky[i][i] = libm::sqrt(rest.max(0.0));
+                } else if cholesky[j][j] > 1e-7 {
+                    cholesky[i][j] = rest / cholesky[j][j];
                 } else if rest.abs() > 1e-6 {
                     return Err(refuse(
                         "contradicts itself: no random numbers have these correlations".into(),
@@ -66,12 +70,12 @@ impl Correlated {
                 }
             }
         }
-        for (row, deviation) in root.iter_mut().zip(deviations) {
+        for (row, deviation) in cholesky.iter_mut().zip(deviations) {
             row.iter_mut().for_each(|value| *value *= deviation);
         }
         Ok(Correlated {
             mean: mean.to_vec(),
-            root,
+            cholesky,
         })
     }
 
@@ -88,7 +92,7 @@ impl Correlated {
     /// The sample for numbers in (0, 1).
     pub fn quantile(&self, u: &[f64]) -> Vec<f64> {
         let z: Vec<f64> = u.iter().map(|u| quantile(*u)).collect();
-        let rows = self.mean.iter().zip(&self.root);
+        let rows = self.mean.iter().zip(&self.cholesky);
         rows.map(|(mean, row)| mean + row.iter().zip(&z).map(|(a, b)| a * b).sum::<f64>())
             .collect()
     }
@@ -110,13 +114,13 @@ pub fn in_cone(axis: [f64; 3], half_angle: f64, u: [f64; 2]) -> [f64; 3] {
     let across = libm::sqrt(short * (2.0 - short));
     let length = libm::sqrt(axis.iter().map(|x| x * x).sum());
     let axis = axis.map(|x| x / length);
-    let (first, second) = beside(axis);
+    let (first, second) = perpendicular_pair(axis);
     let (c, s) = (libm::cos(TAU * u[1]), libm::sin(TAU * u[1]));
     std::array::from_fn(|i| (1.0 - short) * axis[i] + across * (c * first[i] + s * second[i]))
 }
 
 /// Two unit vectors perpendicular to the unit vector `axis` and to each other.
-fn beside(axis: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+fn perpendicular_pair(axis: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     // Start from the coordinate axis least aligned with `axis`.
     let mut helper = [0.0; 3];
     let least = (0..3).min_by(|a, b| f64::total_cmp(&axis[*a].abs(), &axis[*b].abs()));

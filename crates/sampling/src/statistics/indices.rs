@@ -8,11 +8,11 @@ pub struct Index {
     /// First-order index: the part of the variance due to the input alone.
     pub first: f64,
     /// Half-width of its 95 % confidence interval.
-    pub first_half: f64,
+    pub first_half_width: f64,
     /// Total index: the part due to the input, alone or in interaction with others.
     pub total: f64,
     /// Half-width of its 95 % confidence interval.
-    pub total_half: f64,
+    pub total_half_width: f64,
 }
 
 /// The indices of all inputs. A row holds the figure at a point of A, at a point of B, and for each input at the point of A with this
@@ -44,12 +44,12 @@ pub fn indices(rows: &[Vec<f64>]) -> Option<Vec<Index>> {
             .iter()
             .map(|row| 0.5 * (row[0] - row[input]) * (row[0] - row[input]))
             .collect();
-        let ((first, first_half), (total, total_half)) = (of(first)?, of(total)?);
+        let ((first, first_half_width), (total, total_half_width)) = (of(first)?, of(total)?);
         Some(Index {
             first,
-            first_half,
+            first_half_width,
             total,
-            total_half,
+            total_half_width,
         })
     });
     all.collect()

@@ -21,7 +21,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wilson_interval_is_that_of_the_closed_form() {
+    fn wilson_interval_matches_closed_form() {
         let (low, high) = wilson(97, 100);
         // 0.9155 to 0.9897
         assert!(

@@ -1,6 +1,6 @@
 //! The Markov chains of a level, all stepped together.
 
-use crate::design::{Coordinate, inside};
+use crate::design::{Coordinate, clamp_open};
 use crate::distribution::{normal_cumulative, normal_quantile};
 
 use super::candidate::Candidate;
@@ -16,7 +16,7 @@ const DEVIATION_MIN: f64 = 0.05;
 
 /// State of a chain.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct State {
+pub(super) struct ChainState {
     /// Number of the evaluated point.
     pub number: usize,
     /// Number of its ancestor in the first level: its own number there.
@@ -30,7 +30,7 @@ pub(super) struct State {
 #[derive(Debug)]
 pub(super) struct Chains {
     /// The states of all chains after each step; the first row holds the seeds, which already belong to the level.
-    rows: Vec<Vec<State>>,
+    rows: Vec<Vec<ChainState>>,
     /// Final number of states of a chain.
     length: usize,
     /// Score that all states reach or exceed.
@@ -42,7 +42,7 @@ pub(super) struct Chains {
 }
 
 impl Chains {
-    pub(super) fn new(seeds: Vec<State>, length: usize, threshold: f64, deviation: f64) -> Chains {
+    pub(super) fn new(seeds: Vec<ChainState>, length: usize, threshold: f64, deviation: f64) -> Chains {
         Chains {
             rows: vec![seeds],
             length,
@@ -58,11 +58,11 @@ impl Chains {
         // The correlation for which a step leaves the standard normal distribution invariant.
         let correlation = (1.0 - self.deviation * self.deviation).sqrt();
         let now = self.rows.last().into_iter().flatten();
-        let propose = |(at, state): (usize, &State)| {
+        let propose = |(at, state): (usize, &ChainState)| {
             let number = first + at;
             let step = |(z, one): (&f64, &Coordinate)| {
                 let draw = normal_quantile(one.at(number as u64));
-                inside(normal_cumulative(correlation * z + self.deviation * draw))
+                clamp_open(normal_cumulative(correlation * z + self.deviation * draw))
             };
             Candidate {
                 number,
@@ -75,16 +75,16 @@ impl Chains {
     }
 
     /// Each chain moves to its candidate if that reaches the threshold, and otherwise repeats its state.
-    pub(super) fn step(&mut self, candidates: impl Iterator<Item = State>) {
+    pub(super) fn step(&mut self, candidates: impl Iterator<Item = ChainState>) {
         let now = self.rows.last().into_iter().flatten();
         let mut row = Vec::new();
         for (state, candidate) in now.zip(candidates) {
             self.proposed += 1;
             // An impossible point has the score NaN, which reaches no threshold.
-            let goes = candidate.score >= self.threshold;
-            self.accepted += usize::from(goes);
-            row.push(match goes {
-                true => State {
+            let is_accepted = candidate.score >= self.threshold;
+            self.accepted += usize::from(is_accepted);
+            row.push(match is_accepted {
+                true => ChainState {
                     ancestor: state.ancestor,
                     ..candidate
                 },
@@ -109,18 +109,18 @@ impl Chains {
         (self.deviation * (self.acceptance() - ACCEPTED).exp()).clamp(DEVIATION_MIN, 1.0)
     }
 
-    pub(super) fn into_rows(self) -> Vec<Vec<State>> {
+    pub(super) fn into_rows(self) -> Vec<Vec<ChainState>> {
         self.rows
     }
 }
 
 /// `count` of the states, chosen with equal probability, in their order. `choice` gives each state a random key.
-pub(super) fn chosen(mut states: Vec<State>, count: usize, choice: &Coordinate) -> Vec<State> {
+pub(super) fn select_seeds(mut states: Vec<ChainState>, count: usize, choice: &Coordinate) -> Vec<ChainState> {
     if states.len() > count {
         // A state that a chain has repeated occurs more than once.
-        let mut lots: Vec<(f64, usize)> = (0..states.len()).map(|at| (choice.at(at as u64), at)).collect();
-        lots.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut kept: Vec<usize> = lots[..count].iter().map(|(_, at)| *at).collect();
+        let mut keyed: Vec<(f64, usize)> = (0..states.len()).map(|at| (choice.at(at as u64), at)).collect();
+        keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut kept: Vec<usize> = keyed[..count].iter().map(|(_, at)| *at).collect();
         kept.sort_unstable();
         states = kept.into_iter().map(|at| states[at].clone()).collect();
     }

@@ -2,7 +2,7 @@
 
 use crate::distribution::{normal_quantile, student_quantile};
 
-use super::chains::State;
+use super::chains::ChainState;
 
 /// Results of one level.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,13 +23,18 @@ pub struct Level {
 
 impl Level {
     /// `rows` are the steps of its chains, empty in the first level.
-    pub(super) fn of(threshold: f64, states: &[State], rows: &[Vec<State>], beyond: impl Fn(&State) -> bool) -> Level {
+    pub(super) fn of(
+        threshold: f64,
+        states: &[ChainState],
+        rows: &[Vec<ChainState>],
+        beyond: impl Fn(&ChainState) -> bool,
+    ) -> Level {
         let count = states.iter().filter(|state| beyond(state)).count();
         let share = count as f64 / states.len().max(1) as f64;
         let mut scores: Vec<f64> = states.iter().map(|state| state.score).collect();
         scores.sort_by(|a, b| b.total_cmp(a));
         let spread = (1.0 - share) / (share * states.len() as f64);
-        let row = |row: &Vec<State>| -> Vec<bool> { row.iter().map(&beyond).collect() };
+        let row = |row: &Vec<ChainState>| -> Vec<bool> { row.iter().map(&beyond).collect() };
         let rows: Vec<Vec<bool>> = rows.iter().map(row).collect();
         Level {
             threshold,
@@ -42,7 +47,12 @@ impl Level {
     }
 
     /// Adds the effect of each ancestor's descendants among the `states` on the logarithm of the share: the influence function.
-    pub(super) fn add_influence(&self, states: &[State], beyond: impl Fn(&State) -> bool, influence: &mut [f64]) {
+    pub(super) fn add_influence(
+        &self,
+        states: &[ChainState],
+        beyond: impl Fn(&ChainState) -> bool,
+        influence: &mut [f64],
+    ) {
         let count = self.share * states.len() as f64;
         if count > 0.0 {
             for state in states {
@@ -110,12 +120,18 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    pub(super) fn of(levels: &[Level], influence: &[f64], event: &[State], points: usize, stuck: bool) -> Estimate {
+    pub(super) fn of(
+        levels: &[Level],
+        influence: &[f64],
+        event: &[ChainState],
+        points: usize,
+        stuck: bool,
+    ) -> Estimate {
         let probability: f64 = levels.iter().map(|level| level.share).product();
         let found = probability > 0.0;
-        let chains = levels.iter().map(|level| level.variation.powi(2)).sum::<f64>();
-        let descent = influence.iter().map(|x| x * x).sum::<f64>();
-        let variation = chains.max(descent).sqrt();
+        let chain_variance = levels.iter().map(|level| level.variation.powi(2)).sum::<f64>();
+        let ancestry_variance = influence.iter().map(|x| x * x).sum::<f64>();
+        let variation = chain_variance.max(ancestry_variance).sqrt();
         let ancestors = ancestors(event, influence.len());
         let coordinates = event.first().map_or(0, |state| state.z.len());
         let mean = |at: usize| event.iter().map(|state| state.z[at]).sum::<f64>() / event.len() as f64;
@@ -124,9 +140,9 @@ impl Estimate {
             variation: if found { variation } else { f64::INFINITY },
             ancestors,
             interval: if found {
-                around(probability, variation, ancestors)
+                confidence_interval(probability, variation, ancestors)
             } else {
-                [0.0, bound(levels)]
+                [0.0, upper_bound(levels)]
             },
             stuck,
             levels: levels.to_vec(),
@@ -158,7 +174,7 @@ impl Estimate {
 }
 
 /// Number of independent ancestors of the states, among `count`; zero for no states.
-fn ancestors(states: &[State], count: usize) -> f64 {
+fn ancestors(states: &[ChainState], count: usize) -> f64 {
     let mut descendants = vec![0_usize; count];
     for state in states {
         descendants[state.ancestor] += 1;
@@ -173,15 +189,15 @@ fn ancestors(states: &[State], count: usize) -> f64 {
 
 /// The degrees of freedom are twice the ancestors because the variation is computed from the states of all levels, and earlier levels have
 /// more ancestors. The factor was found by experiment: see the test of the interval.
-fn around(probability: f64, variation: f64, ancestors: f64) -> [f64; 2] {
-    let freedom = (2.0 * ancestors).floor().max(2.0) as usize;
-    let width = student_quantile(0.975, freedom) * (variation * variation).ln_1p().sqrt();
+fn confidence_interval(probability: f64, variation: f64, ancestors: f64) -> [f64; 2] {
+    let degrees_of_freedom = (2.0 * ancestors).floor().max(2.0) as usize;
+    let width = student_quantile(0.975, degrees_of_freedom) * (variation * variation).ln_1p().sqrt();
     [probability * (-width).exp(), (probability * width.exp()).min(1.0)]
 }
 
 /// Upper bound of a probability with no observed event: 3 / N for N independent states (95 %), times an upper bound of the probability of
 /// reaching the last level (95 %).
-fn bound(levels: &[Level]) -> f64 {
+fn upper_bound(levels: &[Level]) -> f64 {
     let (last, before) = match levels.split_last() {
         Some(all) => all,
         None => return 1.0,

@@ -16,11 +16,11 @@
 //! let mut subset = Subset::new(Settings::default(), 1, vec![Coordinate::random(1, "x")])?;
 //! while let Some(batch) = subset.batch() {
 //!     let scores: Vec<f64> = batch.iter().map(|one| normal_quantile(one.u[0]) - 4.0).collect();
-//!     subset.take(&scores);
+//!     subset.submit_scores(&scores);
 //! }
 //! let estimate = subset.estimate();
 //! assert!((1e-5..1e-4).contains(&estimate.probability));
-//! # Ok::<(), sampling::distribution::Impossible>(())
+//! # Ok::<(), sampling::distribution::InvalidParameter>(())
 //! ```
 //!
 //! The module does not evaluate scores: it returns a batch of points and takes their scores, and the next batch is a function of all scores
@@ -34,8 +34,8 @@ pub use candidate::Candidate;
 pub use estimate::{Estimate, Level};
 
 use crate::design::Coordinate;
-use crate::distribution::{Impossible, normal_quantile};
-use chains::{Chains, State};
+use crate::distribution::{InvalidParameter, normal_quantile};
+use chains::{ChainState, Chains};
 
 /// Settings of a subset simulation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,17 +65,17 @@ pub struct Subset {
     settings: Settings,
     coordinates: Vec<Coordinate>,
     /// Selects chain seeds at random when more states are beyond a threshold than there are chains.
-    lots: Coordinate,
+    seed_choice: Coordinate,
     batch: Vec<Candidate>,
     /// Number of points issued before the current batch.
-    sent: usize,
+    issued: usize,
     /// The chains of the current level; none in the first level and at the end.
     chains: Option<Chains>,
     levels: Vec<Level>,
     /// The effect of each state of the first level, through all its descendants, on the logarithm of the probability.
     influence: Vec<f64>,
     /// The states in the event.
-    event: Vec<State>,
+    event: Vec<ChainState>,
     /// Whether the thresholds stopped rising.
     stuck: bool,
 }
@@ -85,8 +85,8 @@ impl Subset {
     ///
     /// # Errors
     /// Invalid settings.
-    pub fn new(settings: Settings, seed: u64, coordinates: Vec<Coordinate>) -> Result<Subset, Impossible> {
-        let wrong = |parameter, reason: String| Err(Impossible { parameter, reason });
+    pub fn new(settings: Settings, seed: u64, coordinates: Vec<Coordinate>) -> Result<Subset, InvalidParameter> {
+        let wrong = |parameter, reason: String| Err(InvalidParameter { parameter, reason });
         let length = 1.0 / settings.share;
         if !(settings.share > 0.0 && settings.share <= 0.5) || (length - length.round()).abs() > 1e-9 {
             return wrong(
@@ -122,9 +122,9 @@ impl Subset {
         });
         Ok(Subset {
             batch: batch.collect(),
-            sent: 0,
+            issued: 0,
             settings,
-            lots: Coordinate::random(seed, "subset lots"),
+            seed_choice: Coordinate::random(seed, "subset lots"),
             coordinates,
             chains: None,
             levels: Vec::new(),
@@ -143,11 +143,11 @@ impl Subset {
     ///
     /// # Panics
     /// When there are not as many scores as points in the batch.
-    pub fn take(&mut self, scores: &[f64]) {
+    pub fn submit_scores(&mut self, scores: &[f64]) {
         assert_eq!(scores.len(), self.batch.len(), "a score for each point of the batch");
         let batch = std::mem::take(&mut self.batch);
-        self.sent += batch.len();
-        let came = batch.into_iter().zip(scores).map(|(one, score)| State {
+        self.issued += batch.len();
+        let evaluated = batch.into_iter().zip(scores).map(|(one, score)| ChainState {
             number: one.number,
             ancestor: one.number,
             z: one.u.iter().map(|u| normal_quantile(*u)).collect(),
@@ -155,21 +155,21 @@ impl Subset {
         });
         match self.chains.take() {
             None => {
-                let states: Vec<State> = came.filter(|state| !state.score.is_nan()).collect();
-                self.close(states, Vec::new(), 1.0);
+                let states: Vec<ChainState> = evaluated.filter(|state| !state.score.is_nan()).collect();
+                self.finish_level(states, Vec::new(), 1.0);
             }
             Some(mut chains) => {
-                chains.step(came);
+                chains.step(evaluated);
                 if chains.is_complete() {
                     let (acceptance, deviation) = (chains.acceptance(), chains.deviation());
                     let rows = chains.into_rows();
                     let states = rows.concat();
-                    self.close(states, rows, deviation);
+                    self.finish_level(states, rows, deviation);
                     if let Some(level) = self.levels.last_mut() {
                         level.acceptance = Some(acceptance);
                     }
                 } else {
-                    self.batch = chains.propose(&self.coordinates, self.sent, self.levels.len());
+                    self.batch = chains.propose(&self.coordinates, self.issued, self.levels.len());
                     self.chains = Some(chains);
                 }
             }
@@ -178,11 +178,11 @@ impl Subset {
 
     /// The estimate so far.
     pub fn estimate(&self) -> Estimate {
-        Estimate::of(&self.levels, &self.influence, &self.event, self.sent, self.stuck)
+        Estimate::of(&self.levels, &self.influence, &self.event, self.issued, self.stuck)
     }
 
     /// Ends a level and begins the next one, if needed. `rows` are the steps of its chains, and `deviation` their standard deviation.
-    fn close(&mut self, states: Vec<State>, rows: Vec<Vec<State>>, deviation: f64) {
+    fn finish_level(&mut self, states: Vec<ChainState>, rows: Vec<Vec<ChainState>>, deviation: f64) {
         let mut sorted: Vec<f64> = states.iter().map(|state| state.score).collect();
         sorted.sort_by(|a, b| b.total_cmp(a));
         let count = (self.settings.points as f64 * self.settings.share).round() as usize;
@@ -193,7 +193,7 @@ impl Subset {
         self.stuck = reached <= 0.0 && (reached <= before || sorted.last().is_some_and(|least| *least >= reached));
         let last = reached > 0.0 || self.stuck || self.levels.len() + 1 >= self.settings.levels;
         let threshold = if last { 0.0 } else { reached };
-        let beyond = |state: &State| {
+        let beyond = |state: &ChainState| {
             if last {
                 state.score > 0.0
             } else {
@@ -211,11 +211,11 @@ impl Subset {
             1 => chains::FIRST_DEVIATION,
             _ => deviation,
         };
-        let seeds: Vec<State> = states.into_iter().filter(|state| state.score >= threshold).collect();
-        let seeds = chains::chosen(seeds, count, &self.lots);
+        let seeds: Vec<ChainState> = states.into_iter().filter(|state| state.score >= threshold).collect();
+        let seeds = chains::select_seeds(seeds, count, &self.seed_choice);
         let length = (1.0 / self.settings.share).round() as usize;
         let chains = Chains::new(seeds, length, threshold, deviation);
-        self.batch = chains.propose(&self.coordinates, self.sent, self.levels.len());
+        self.batch = chains.propose(&self.coordinates, self.issued, self.levels.len());
         self.chains = Some(chains);
     }
 }

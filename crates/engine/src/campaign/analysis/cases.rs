@@ -12,7 +12,7 @@ use crate::campaign::workers::point::{Result as PointResult, word};
 pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
     let samples = figure::samples(results);
     let measures = samples.iter().filter(|sample| !sample.truth);
-    let measures = measures.map(|sample| sample.drawn(0..results.len()));
+    let measures = measures.map(|sample| sample.plot_data(0..results.len()));
     let cases = results.iter().enumerate().map(|(at, result)| {
         let cells = campaign.columns.iter().map(|column| column.texts[at].as_str());
         json!({
@@ -32,7 +32,7 @@ pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>
         "columns": campaign.columns.iter().map(|column| [column.name.as_str(), column.unit.as_str()]).collect::<Vec<_>>(),
         "inputs": [],
         "measures": measures.collect::<Vec<_>>(),
-        "failures": failures::failures(results),
+        "failures": failures::failure_groups(results),
         "cases": cases.collect::<Vec<_>>(),
     })
 }

@@ -8,7 +8,7 @@ use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// Groups of points that failed, the largest first: outcome, an example of the reason, number of points, and the first of
 /// them. Reasons that differ only in numbers are one group.
-pub(super) fn failures(results: &[Option<PointResult>]) -> Vec<Value> {
+pub(super) fn failure_groups(results: &[Option<PointResult>]) -> Vec<Value> {
     let mut groups: BTreeMap<(&'static str, String), (String, Vec<usize>)> = BTreeMap::new();
     for (at, result) in results.iter().enumerate() {
         let Some(result) = result.as_ref().filter(|result| !result.outcome.good()) else {
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reasons_that_differ_in_numbers_are_one_group() {
+    fn failure_groups_ignore_numbers_in_reasons() {
         let failed = |reason: &str| Some(PointResult::without(Outcome::Failed, reason));
         let results = [
             failed("`x` failed at t = 1.25 s: q is 3e-5"),
@@ -71,7 +71,7 @@ mod tests {
             None,
             Some(PointResult::without(Outcome::Met, "")),
         ];
-        let groups = failures(&results);
+        let groups = failure_groups(&results);
         assert_eq!(groups.len(), 2);
         assert_eq!(groups[0]["count"], 2);
         assert_eq!(groups[0]["points"], json!([1, 3]));

@@ -12,10 +12,10 @@ use crate::campaign::{Column, Figures};
 pub(super) const CONFIDENCE: f64 = 0.95;
 
 /// The fractions of a sample whose percentiles are reported.
-const PARTS: [f64; 6] = [0.01, 0.05, 0.5, 0.9, 0.95, 0.99];
+const PERCENTILE_FRACTIONS: [f64; 6] = [0.01, 0.05, 0.5, 0.9, 0.95, 0.99];
 
 /// The values of a figure.
-pub(super) struct Sample {
+pub(super) struct FigureSample {
     pub(super) name: String,
     pub(super) unit: String,
     /// Whether the figure is the truth value of the criteria: 0 or 1.
@@ -23,20 +23,20 @@ pub(super) struct Sample {
     /// The limits of its criterion, in its unit.
     pub(super) limits: Vec<f64>,
     /// Whether small values are the bad ones.
-    pub(super) lowest: bool,
+    pub(super) lower_is_worse: bool,
     /// The value of each point.
     pub(super) values: Vec<Option<f64>>,
 }
 
 /// A column of numbers with its ranks.
-pub(super) struct Ranked<'a> {
+pub(super) struct RankedColumn<'a> {
     numbers: &'a [f64],
     ranks: Vec<f64>,
 }
 
-impl Ranked<'_> {
-    pub(super) fn of(column: &Column) -> Option<Ranked<'_>> {
-        column.numbers.as_ref().map(|numbers| Ranked {
+impl RankedColumn<'_> {
+    pub(super) fn of(column: &Column) -> Option<RankedColumn<'_>> {
+        column.numbers.as_ref().map(|numbers| RankedColumn {
             numbers,
             ranks: ranks(numbers),
         })
@@ -44,7 +44,7 @@ impl Ranked<'_> {
 }
 
 /// The truth values of the criteria for points that ran, where they differ between points, and every figure.
-pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
+pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<FigureSample> {
     let mut all = Vec::new();
     let good: Vec<Option<f64>> = results
         .iter()
@@ -53,17 +53,17 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
         .collect();
     let differs = good.iter().flatten().any(|one| *one == 0.0) && good.iter().flatten().any(|one| *one == 1.0);
     if differs {
-        all.push(Sample {
+        all.push(FigureSample {
             name: crate::campaign::good_word(results).to_owned(),
             unit: String::new(),
             truth: true,
             limits: Vec::new(),
-            lowest: true,
+            lower_is_worse: true,
             values: good,
         });
     }
-    let with = || results.iter().flatten().filter_map(|result| result.figures.as_ref());
-    for number in with().next().map_or(Vec::new(), Figures::ordered) {
+    let all_figures = || results.iter().flatten().filter_map(|result| result.figures.as_ref());
+    for number in all_figures().next().map_or(Vec::new(), Figures::ordered) {
         let values = results.iter().map(|result| {
             result
                 .as_ref()?
@@ -72,13 +72,13 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
                 .value(&number.key)
                 .filter(|value| value.is_finite())
         });
-        let (limits, lowest) = limits(&number.name, &number.key, with());
-        all.push(Sample {
+        let (limits, lower_is_worse) = limits(&number.name, &number.key, all_figures());
+        all.push(FigureSample {
             name: number.words(),
             unit: number.unit,
             truth: false,
             limits,
-            lowest,
+            lower_is_worse,
             values: values.collect(),
         });
     }
@@ -92,44 +92,44 @@ fn limits<'a>(name: &str, key: &str, all: impl Iterator<Item = &'a Figures>) -> 
         let Some(criterion) = figures.criteria.iter().find(|criterion| criterion.name == name) else {
             return (Vec::new(), false);
         };
-        let lowest = criterion.limit.is_none() && criterion.at_least.is_some();
+        let lower_is_worse = criterion.limit.is_none() && criterion.at_least.is_some();
         let (Some(value), Some(own)) = (criterion.value.filter(|value| *value != 0.0), figures.value(key)) else {
             continue;
         };
         let both = criterion.limit.into_iter().chain(criterion.at_least);
-        return (both.map(|limit| limit * own / value).collect(), lowest);
+        return (both.map(|limit| limit * own / value).collect(), lower_is_worse);
     }
     (Vec::new(), false)
 }
 
-impl Sample {
+impl FigureSample {
     /// The values that are present.
-    pub(super) fn there(&self) -> Vec<f64> {
+    pub(super) fn present_values(&self) -> Vec<f64> {
         self.values.iter().flatten().copied().collect()
     }
 
     /// The data that a page draws of it at the points `shown`.
-    pub(super) fn drawn(&self, shown: impl Iterator<Item = usize>) -> Value {
+    pub(super) fn plot_data(&self, shown: impl Iterator<Item = usize>) -> Value {
         let values = shown.map(|at| self.values[at].unwrap_or(f64::NAN));
         json!({
             "name": self.name,
             "unit": self.unit,
             "truth": self.truth,
             "limits": self.limits,
-            "lowest": self.lowest,
+            "lowest": self.lower_is_worse,
             "values": floats(values.collect()),
         })
     }
 
     pub(super) fn moments(&self) -> Option<[f64; 2]> {
-        moments(&self.there()).map(|(mean, deviation)| [mean, deviation])
+        moments(&self.present_values()).map(|(mean, deviation)| [mean, deviation])
     }
 
     /// A row for each percentile: the fraction, the percentile, and the ends of its interval.
     pub(super) fn percentiles(&self) -> Value {
-        let mut sorted = self.there();
+        let mut sorted = self.present_values();
         sorted.sort_by(f64::total_cmp);
-        let rows = PARTS.iter().filter_map(|part| {
+        let rows = PERCENTILE_FRACTIONS.iter().filter_map(|part| {
             let own = percentile(&sorted, *part, CONFIDENCE)?;
             Some(json!([part, own.value, own.low, own.high]))
         });
@@ -137,16 +137,16 @@ impl Sample {
     }
 
     /// The rank correlation with each input; inputs that are texts have none.
-    pub(super) fn correlations(&self, inputs: &[Option<Ranked<'_>>]) -> Vec<Option<f64>> {
+    pub(super) fn correlations(&self, inputs: &[Option<RankedColumn<'_>>]) -> Vec<Option<f64>> {
         let whole = self.values.iter().all(Option::is_some);
-        let own = ranks(&self.there());
-        let with = |input: &Ranked<'_>| {
+        let own = ranks(&self.present_values());
+        let with = |input: &RankedColumn<'_>| {
             if whole {
                 return correlation(&input.ranks, &own);
             }
             let both = self.values.iter().zip(input.numbers);
-            let theirs: Vec<f64> = both.filter(|(value, _)| value.is_some()).map(|(_, x)| *x).collect();
-            correlation(&ranks(&theirs), &own)
+            let input_values: Vec<f64> = both.filter(|(value, _)| value.is_some()).map(|(_, x)| *x).collect();
+            correlation(&ranks(&input_values), &own)
         };
         inputs.iter().map(|input| input.as_ref().and_then(with)).collect()
     }
@@ -154,7 +154,7 @@ impl Sample {
     /// Estimates over a growing number of points: the number; the share of a truth value, else median and 95 %; each with
     /// its interval.
     pub(super) fn convergence(&self) -> Value {
-        let all = self.there();
+        let all = self.present_values();
         let mut sizes = Vec::new();
         let mut size = 10_usize;
         while size < all.len() {
@@ -198,7 +198,7 @@ impl Sample {
         let all = indices(&whole)?;
         let rows = all
             .iter()
-            .map(|one| json!([one.first, one.first_half, one.total, one.total_half]));
+            .map(|one| json!([one.first, one.first_half_width, one.total, one.total_half_width]));
         Some(json!({ "rows": whole.len(), "of": rows.collect::<Vec<_>>() }))
     }
 }

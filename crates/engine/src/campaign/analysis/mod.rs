@@ -9,25 +9,26 @@ pub use cases::of_cases;
 use report::campaign::floats;
 use serde_json::{Value, json};
 
-use super::column::NUMBERING;
-use super::figures::Nearness;
+use super::column::INDEX_COLUMNS;
+use super::figures::LimitUsage;
 use super::good_word;
 use super::verdicts;
 use super::wilson;
 use super::workers::point::{Result as PointResult, word};
 use super::{Campaign, Column, Rarely};
-use figure::Sample;
+use figure::FigureSample;
 
 /// Pictures are thinned out to this number of points; the numbers use all points.
 const SHOWN_MAX: usize = 5000;
 
 /// The statistics of a campaign, for its page.
 pub fn analysis(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
-    let inputs: Vec<&Column> = campaign.columns.iter().filter(|column| counts(column)).collect();
-    let ranked: Vec<Option<figure::Ranked<'_>>> = inputs.iter().map(|column| figure::Ranked::of(column)).collect();
+    let inputs: Vec<&Column> = campaign.columns.iter().filter(|column| is_input(column)).collect();
+    let ranked: Vec<Option<figure::RankedColumn<'_>>> =
+        inputs.iter().map(|column| figure::RankedColumn::of(column)).collect();
     let samples = figure::samples(results);
-    let blocks = campaign.source.as_ref().and_then(|source| source.factors.as_ref());
-    let width = blocks.map_or(0, |factors| factors.len() + 2);
+    let factors = campaign.source.as_ref().and_then(|source| source.factors.as_ref());
+    let width = factors.map_or(0, |factors| factors.len() + 2);
     let every = results.len().div_ceil(SHOWN_MAX).max(1);
     let shown: Vec<usize> = (0..results.len()).step_by(every).collect();
     let measures = samples.iter().map(|sample| sample.json(&ranked, width, &shown));
@@ -43,11 +44,11 @@ pub fn analysis(title: &str, campaign: &Campaign, results: &[Option<PointResult>
         "share": { "good": good, "ran": ran, "low": low, "high": high },
         "outcomes": shown.iter().map(|at| word(results[*at].as_ref())).collect::<Vec<_>>(),
         "columns": campaign.columns.iter().map(|column| [column.name.as_str(), column.unit.as_str()]).collect::<Vec<_>>(),
-        "inputs": inputs.iter().map(|column| input(column, &shown)).collect::<Vec<_>>(),
+        "inputs": inputs.iter().map(|column| input_data(column, &shown)).collect::<Vec<_>>(),
         "measures": measures.collect::<Vec<_>>(),
-        "factors": blocks,
-        "vectors": vectors::vectors(&samples, &shown),
-        "failures": failures::failures(results),
+        "factors": factors,
+        "vectors": vectors::vector_figures(&samples, &shown),
+        "failures": failures::failure_groups(results),
         "worst": worst(campaign, results),
     })
 }
@@ -66,18 +67,18 @@ impl Rarely {
 }
 
 /// Whether figures may depend on a column: it does not number the points, and is not constant.
-fn counts(column: &Column) -> bool {
+fn is_input(column: &Column) -> bool {
     let differs = column.texts.iter().any(|text| *text != column.texts[0]);
-    differs && !NUMBERING.contains(&column.name.as_str())
+    differs && !INDEX_COLUMNS.contains(&column.name.as_str())
 }
 
 /// A column as the page draws it: numbers, or indices of its texts.
-fn input(column: &Column, shown: &[usize]) -> Value {
+fn input_data(column: &Column, shown: &[usize]) -> Value {
     let mut words: Vec<&String> = Vec::new();
     let numbers: Vec<f64> = match &column.numbers {
         Some(numbers) => shown.iter().map(|at| numbers[*at]).collect(),
         None => {
-            words = super::tell::distinct(&column.texts);
+            words = super::summary::distinct(&column.texts);
             let place = |at: &usize| words.iter().position(|word| **word == column.texts[*at]);
             shown
                 .iter()
@@ -96,20 +97,20 @@ fn input(column: &Column, shown: &[usize]) -> Value {
 /// The ten points that are nearest to their limits, or furthest beyond, as fractions of the limits; with the values drawn
 /// for each.
 fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
-    let mut all: Vec<(Nearness, &str, usize)> = Vec::new();
+    let mut all: Vec<(LimitUsage, &str, usize)> = Vec::new();
     for (at, result) in results.iter().enumerate() {
         let figures = result.as_ref().filter(|result| result.outcome.ran());
         let Some(figures) = figures.and_then(|result| result.figures.as_ref()) else {
             continue;
         };
-        if let Some((near, name)) = figures.nearest() {
-            all.push((near, name, at));
+        if let Some((usage, name)) = figures.most_critical() {
+            all.push((usage, name, at));
         }
     }
-    all.sort_by(|a, b| b.0.order(&a.0).then(a.2.cmp(&b.2)));
+    all.sort_by(|a, b| b.0.cmp_severity(&a.0).then(a.2.cmp(&b.2)));
     all.iter()
         .take(10)
-        .map(|(near, name, at)| {
+        .map(|(usage, name, at)| {
             let drawn = campaign.columns.iter().map(|column| match &column.numbers {
                 Some(numbers) => json!(numbers[*at]),
                 None => json!(column.texts[*at]),
@@ -118,17 +119,17 @@ fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
                 "point": at + 1,
                 "outcome": word(results[*at].as_ref()),
                 "criterion": name.replace('_', " "),
-                "part": near.part(),
+                "part": usage.fraction(),
                 "drawn": drawn.collect::<Vec<_>>(),
             })
         })
         .collect()
 }
 
-impl Sample {
-    fn json(&self, inputs: &[Option<figure::Ranked<'_>>], width: usize, shown: &[usize]) -> Value {
-        let mut all = self.drawn(shown.iter().copied());
-        all["count"] = json!(self.there().len());
+impl FigureSample {
+    fn json(&self, inputs: &[Option<figure::RankedColumn<'_>>], width: usize, shown: &[usize]) -> Value {
+        let mut all = self.plot_data(shown.iter().copied());
+        all["count"] = json!(self.present_values().len());
         all["moments"] = json!(self.moments());
         all["percentiles"] = self.percentiles();
         all["correlations"] = json!(self.correlations(inputs));

@@ -4,10 +4,10 @@ use report::campaign::floats;
 use sampling::statistics::percentile;
 use serde_json::{Value, json};
 
-use super::figure::{CONFIDENCE, Sample};
+use super::figure::{CONFIDENCE, FigureSample};
 
 /// Each vector of two or three numbers with its circular (or spherical) error probable: the median distance.
-pub(super) fn vectors(samples: &[Sample], shown: &[usize]) -> Vec<Value> {
+pub(super) fn vector_figures(samples: &[FigureSample], shown: &[usize]) -> Vec<Value> {
     let mut all = Vec::new();
     for (at, first) in samples.iter().enumerate() {
         let Some(stem) = first.name.strip_suffix("[0]") else {
@@ -18,7 +18,7 @@ pub(super) fn vectors(samples: &[Sample], shown: &[usize]) -> Vec<Value> {
                 .get(at + number)
                 .filter(|one| one.name == format!("{stem}[{number}]"))
         };
-        let elements: Vec<&Sample> = (0..4).map_while(own).collect();
+        let elements: Vec<&FigureSample> = (0..4).map_while(own).collect();
         if !(2..=3).contains(&elements.len()) {
             continue;
         }

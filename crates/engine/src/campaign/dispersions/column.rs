@@ -10,16 +10,16 @@ const FILE_MAX: u64 = 64 << 20;
 ///
 /// # Errors
 /// The mistake in the file.
-pub fn cells(path: &Path, name: &str) -> Result<(Vec<String>, String), String> {
-    let about = std::fs::metadata(path).map_err(|error| format!("cannot be read: {error}"))?;
-    if !about.is_file() || about.len() > FILE_MAX {
+pub fn read_column(path: &Path, name: &str) -> Result<(Vec<String>, String), String> {
+    let metadata = std::fs::metadata(path).map_err(|error| format!("cannot be read: {error}"))?;
+    if !metadata.is_file() || metadata.len() > FILE_MAX {
         return Err(format!("is no file of at most {} MiB", FILE_MAX >> 20));
     }
     let text = std::fs::read_to_string(path).map_err(|error| format!("cannot be read: {error}"))?;
     // Spreadsheets begin a file with a byte-order mark.
     let mut lines = text.trim_start_matches('\u{feff}').lines().map(fields);
     let heads = lines.next().unwrap_or_default();
-    let plain = |head: &str| -> (String, String) {
+    let name_and_unit = |head: &str| -> (String, String) {
         match head.split_once('[') {
             Some((name, unit)) => (
                 name.trim().to_owned(),
@@ -30,7 +30,7 @@ pub fn cells(path: &Path, name: &str) -> Result<(Vec<String>, String), String> {
     };
     let at = heads
         .iter()
-        .position(|head| head.trim() == name || plain(head).0 == name);
+        .position(|head| head.trim() == name || name_and_unit(head).0 == name);
     let at = at.ok_or_else(|| format!("has no column `{name}`; there is {}", heads.join(", ")))?;
     let mut cells = Vec::new();
     for (number, line) in lines
@@ -45,7 +45,7 @@ pub fn cells(path: &Path, name: &str) -> Result<(Vec<String>, String), String> {
     if cells.is_empty() {
         return Err("has no rows".to_owned());
     }
-    Ok((cells, plain(&heads[at]).1))
+    Ok((cells, name_and_unit(&heads[at]).1))
 }
 
 /// The fields of a line of CSV; a field in quotes may contain commas.
@@ -75,7 +75,7 @@ mod tests {
     fn column_is_found_by_name_or_whole_heading() {
         let path = std::env::temp_dir().join(format!("column-{}.csv", std::process::id()));
         std::fs::write(&path, "\u{feff}name,mass [kg],\"a, b\"\n\"x\"\"y, z\",1.5,7\nw,2,8\n\n").unwrap();
-        let of = |name: &str| cells(&path, name);
+        let of = |name: &str| read_column(&path, name);
         assert_eq!(of("mass"), Ok((vec!["1.5".into(), "2".into()], "kg".into())));
         assert_eq!(of("mass [kg]"), of("mass"));
         assert_eq!(of("name").unwrap().0, ["x\"y, z", "w"]);

@@ -1,7 +1,7 @@
 //! One dispersion.
 
-use super::draws::Draws;
-use super::quantity::{Quantity, Step};
+use super::quantity::{Quantity, RoundingStep};
+use super::value_source::ValueSource;
 
 /// A key of the scenario, or one element of the list at a key.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub enum Mode {
 /// The design that a dispersion is drawn with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Design {
-    /// Independent draws.
+    /// Independent random samples.
     Random,
     /// A Latin hypercube.
     LatinHypercube,
@@ -63,21 +63,21 @@ pub const DESIGNS: [(&str, Design); 6] = [
 /// One `[vary.NAME]`.
 #[derive(Debug, Clone)]
 pub struct Dispersion {
-    /// Its name: that of its draws and of its columns.
+    /// Its name: that of its random numbers and of its columns.
     pub name: String,
     /// The keys whose values it sets. None where it is used in formulas only.
     pub targets: Vec<Target>,
     /// Where its values come from.
-    pub draws: Draws,
+    pub source: ValueSource,
     /// How a draw is applied.
     pub mode: Mode,
-    /// The unit of the draws; empty where they have none.
+    /// The unit of the samples; empty where they have none.
     pub unit: String,
     /// The unit of the values at its keys.
-    pub made: String,
+    pub value_unit: String,
     /// The rounding step of values.
-    pub step: Option<Step>,
-    /// Drawn once for all points.
+    pub step: Option<RoundingStep>,
+    /// Sampled once for all points.
     pub once: bool,
     /// Its own design, where it differs from the campaign's.
     pub design: Option<Design>,
@@ -86,45 +86,45 @@ pub struct Dispersion {
 }
 
 impl Dispersion {
-    /// The value of a target whose present value is `own`, which absolute draws do not need.
-    pub fn applied(&self, own: Option<&Quantity>, element: Option<usize>, draw: &[f64]) -> Quantity {
-        let (Some(own), true) = (
-            own,
-            self.mode != Mode::Absolute || element.is_some() || self.draws.turns(),
+    /// The value of a target whose present value is `current`, which the mode [`Mode::Absolute`] does not need.
+    pub fn apply(&self, current: Option<&Quantity>, element: Option<usize>, draw: &[f64]) -> Quantity {
+        let (Some(current), true) = (
+            current,
+            self.mode != Mode::Absolute || element.is_some() || self.source.transforms_value(),
         ) else {
-            let mut made = Quantity::new(draw.to_vec(), &self.unit, self.draws.listed());
-            self.rounded(&mut made, None);
-            return made;
+            let mut result = Quantity::new(draw.to_vec(), &self.unit, self.source.is_list());
+            self.round_to_step(&mut result, None);
+            return result;
         };
-        let mut made = own.clone();
-        if let Some(turned) = self.draws.turned(own, draw) {
-            made.numbers = turned;
-            made.decimals = vec![None; made.numbers.len()];
+        let mut result = current.clone();
+        if let Some(transformed) = self.source.transformed(current, draw) {
+            result.numbers = transformed;
+            result.decimals = vec![None; result.numbers.len()];
         } else {
-            let single = element.map_or(0..made.numbers.len(), |at| at..at + 1);
+            let single = element.map_or(0..result.numbers.len(), |at| at..at + 1);
             for (number, at) in single.enumerate() {
                 // One draw for all numbers of a list, or one for each.
                 let x = draw[number.min(draw.len() - 1)];
-                let value = &mut made.numbers[at];
+                let value = &mut result.numbers[at];
                 *value = match self.mode {
                     Mode::Absolute => x,
                     Mode::Offset => *value + x,
                     Mode::Relative => *value * (1.0 + x),
                     Mode::Factor => *value * x,
                 };
-                made.decimals[at] = None;
+                result.decimals[at] = None;
             }
         }
-        self.rounded(&mut made, element);
-        made
+        self.round_to_step(&mut result, element);
+        result
     }
 
     /// Whether the previous value of a key is replaced.
     pub fn replaces(&self) -> bool {
-        self.mode == Mode::Absolute && !self.draws.turns()
+        self.mode == Mode::Absolute && !self.source.transforms_value()
     }
 
-    fn rounded(&self, quantity: &mut Quantity, element: Option<usize>) {
+    fn round_to_step(&self, quantity: &mut Quantity, element: Option<usize>) {
         if let Some(step) = &self.step {
             let all = element.map_or(0..quantity.numbers.len(), |at| at..at + 1);
             all.for_each(|at| quantity.round(at, step));

@@ -17,7 +17,7 @@ enum Term {
 }
 
 /// A number in SI units with its dimension.
-pub type Sized = (f64, Dimension);
+pub type DimensionedValue = (f64, Dimension);
 
 /// Maximum nesting depth.
 const DEPTH_MAX: usize = 64;
@@ -27,31 +27,31 @@ impl Formula {
     ///
     /// # Errors
     /// States what was found and what was expected.
-    pub fn read(text: &str) -> Result<Formula, String> {
-        let mut reader = Reader {
+    pub fn parse(text: &str) -> Result<Formula, String> {
+        let mut parser = Parser {
             rest: text.trim(),
             depth: 0,
         };
-        let term = reader.sum()?;
-        if reader.rest.is_empty() {
+        let term = parser.sum()?;
+        if parser.rest.is_empty() {
             Ok(Formula(term))
         } else {
             Err(format!(
                 "`{}` is not understood; there are numbers, names of dispersions, + - * / ^ and parentheses",
-                reader.rest
+                parser.rest
             ))
         }
     }
 
     /// The names in it.
     pub fn names(&self) -> Vec<&str> {
-        let (mut names, mut open) = (Vec::new(), vec![&self.0]);
-        while let Some(term) = open.pop() {
+        let (mut names, mut pending) = (Vec::new(), vec![&self.0]);
+        while let Some(term) = pending.pop() {
             match term {
                 Term::Number(_) => {}
                 Term::Name(name) => names.push(name.as_str()),
-                Term::Power(base, _) => open.push(base),
-                Term::Sum(a, b, _) | Term::Product(a, b) | Term::Quotient(a, b) => open.extend([&**b, &**a]),
+                Term::Power(base, _) => pending.push(base),
+                Term::Sum(a, b, _) | Term::Product(a, b) | Term::Quotient(a, b) => pending.extend([&**b, &**a]),
             }
         }
         names
@@ -61,13 +61,13 @@ impl Formula {
     ///
     /// # Errors
     /// When dimensions do not fit, or a name has no value.
-    pub fn value(&self, of: &dyn Fn(&str) -> Option<Sized>) -> Result<Sized, String> {
+    pub fn value(&self, of: &dyn Fn(&str) -> Option<DimensionedValue>) -> Result<DimensionedValue, String> {
         value(&self.0, of)
     }
 }
 
-fn value(term: &Term, of: &dyn Fn(&str) -> Option<Sized>) -> Result<Sized, String> {
-    let far = || "its dimension leaves the range of anything physical".to_owned();
+fn value(term: &Term, of: &dyn Fn(&str) -> Option<DimensionedValue>) -> Result<DimensionedValue, String> {
+    let out_of_range = || "its dimension leaves the range of anything physical".to_owned();
     match term {
         Term::Number(number) => Ok((*number, Dimension::default())),
         Term::Name(name) => of(name).ok_or_else(|| format!("`{name}` is no number of a dispersion above it")),
@@ -81,28 +81,28 @@ fn value(term: &Term, of: &dyn Fn(&str) -> Option<Sized>) -> Result<Sized, Strin
         }
         Term::Product(a, b) => {
             let ((a, first), (b, second)) = (value(a, of)?, value(b, of)?);
-            Ok((a * b, first.times(second, 1).ok_or_else(far)?))
+            Ok((a * b, first.times(second, 1).ok_or_else(out_of_range)?))
         }
         Term::Quotient(a, b) => {
             let ((a, first), (b, second)) = (value(a, of)?, value(b, of)?);
-            Ok((a / b, first.times(second, -1).ok_or_else(far)?))
+            Ok((a / b, first.times(second, -1).ok_or_else(out_of_range)?))
         }
         Term::Power(base, power) => {
             let (base, dimension) = value(base, of)?;
             let product = (0..power.abs()).fold(1.0, |product, _| product * base);
-            let dimension = Dimension::default().times(dimension, *power).ok_or_else(far)?;
+            let dimension = Dimension::default().times(dimension, *power).ok_or_else(out_of_range)?;
             Ok((if *power < 0 { 1.0 / product } else { product }, dimension))
         }
     }
 }
 
-struct Reader<'a> {
+struct Parser<'a> {
     rest: &'a str,
     depth: usize,
 }
 
-impl Reader<'_> {
-    fn take(&mut self, letters: &[char]) -> Option<char> {
+impl Parser<'_> {
+    fn accept(&mut self, letters: &[char]) -> Option<char> {
         let letter = self.rest.chars().next().filter(|letter| letters.contains(letter))?;
         self.rest = self.rest[letter.len_utf8()..].trim_start();
         Some(letter)
@@ -110,7 +110,7 @@ impl Reader<'_> {
 
     fn sum(&mut self) -> Result<Term, String> {
         let mut term = self.product()?;
-        while let Some(sign) = self.take(&['+', '-']) {
+        while let Some(sign) = self.accept(&['+', '-']) {
             let next = self.product()?;
             term = Term::Sum(Box::new(term), Box::new(next), if sign == '-' { -1.0 } else { 1.0 });
         }
@@ -119,7 +119,7 @@ impl Reader<'_> {
 
     fn product(&mut self) -> Result<Term, String> {
         let mut term = self.power()?;
-        while let Some(sign) = self.take(&['*', '/', '·']) {
+        while let Some(sign) = self.accept(&['*', '/', '·']) {
             let next = self.power()?;
             let (a, b) = (Box::new(term), Box::new(next));
             term = if sign == '/' {
@@ -132,12 +132,12 @@ impl Reader<'_> {
     }
 
     fn power(&mut self) -> Result<Term, String> {
-        if self.take(&['-']).is_some() {
-            let term = self.deeper(Reader::power)?;
+        if self.accept(&['-']).is_some() {
+            let term = self.nested(Parser::power)?;
             return Ok(Term::Product(Box::new(Term::Number(-1.0)), Box::new(term)));
         }
-        let base = self.single()?;
-        if self.take(&['^']).is_none() {
+        let base = self.atom()?;
+        if self.accept(&['^']).is_none() {
             return Ok(base);
         }
         let end = self
@@ -151,20 +151,20 @@ impl Reader<'_> {
         Ok(Term::Power(Box::new(base), power))
     }
 
-    fn deeper(&mut self, read: fn(&mut Self) -> Result<Term, String>) -> Result<Term, String> {
+    fn nested(&mut self, parse: fn(&mut Self) -> Result<Term, String>) -> Result<Term, String> {
         self.depth += 1;
         if self.depth > DEPTH_MAX {
             return Err("is nested too deeply".to_owned());
         }
-        let term = read(self);
+        let term = parse(self);
         self.depth -= 1;
         term
     }
 
-    fn single(&mut self) -> Result<Term, String> {
-        if self.take(&['(']).is_some() {
-            let inner = self.deeper(Reader::sum)?;
-            return match self.take(&[')']) {
+    fn atom(&mut self) -> Result<Term, String> {
+        if self.accept(&['(']).is_some() {
+            let inner = self.nested(Parser::sum)?;
+            return match self.accept(&[')']) {
                 Some(_) => Ok(inner),
                 None => Err("a parenthesis is not closed".to_owned()),
             };
@@ -208,7 +208,7 @@ impl Reader<'_> {
 mod tests {
     use super::*;
 
-    fn of(name: &str) -> Option<Sized> {
+    fn of(name: &str) -> Option<DimensionedValue> {
         match name {
             "mass" => Some((3.0, Dimension::new(0, 1, 0, 0))),
             "radius" => Some((2.0, Dimension::new(1, 0, 0, 0))),
@@ -226,12 +226,12 @@ mod tests {
             ("1e1 + 2.5e-1 - -3", (13.25, Dimension::default())),
             ("radius^-1", (0.5, Dimension::new(-1, 0, 0, 0))),
         ] {
-            assert_eq!(Formula::read(text).unwrap().value(&of), Ok(expected), "{text}");
+            assert_eq!(Formula::parse(text).unwrap().value(&of), Ok(expected), "{text}");
         }
     }
 
     #[test]
-    fn what_is_no_formula_is_refused() {
+    fn formula_parser_rejects_invalid_text() {
         for (text, part) in [
             ("mass +", "ends where"),
             ("(mass", "not closed"),
@@ -243,11 +243,11 @@ mod tests {
             (&"(".repeat(1000), "nested too deeply"),
             (&"-".repeat(1000), "nested too deeply"),
         ] {
-            let error = Formula::read(text).unwrap_err();
+            let error = Formula::parse(text).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");
         }
-        let add = Formula::read("mass + radius").unwrap();
+        let add = Formula::parse("mass + radius").unwrap();
         assert_eq!(add.value(&of), Err("adds kg and m".to_owned()));
-        assert!(Formula::read("mas").unwrap().value(&of).unwrap_err().contains("`mas`"));
+        assert!(Formula::parse("mas").unwrap().value(&of).unwrap_err().contains("`mas`"));
     }
 }

@@ -3,36 +3,36 @@
 use std::collections::BTreeSet;
 
 use lockstep::units::{convert, unit_in};
-use sampling::distribution::Impossible;
+use sampling::distribution::InvalidParameter;
 use toml::{Table, Value};
 
-use super::quantity::{Step, number};
+use super::quantity::{RoundingStep, number};
 
 /// A table, and the mistakes found so far.
-pub(super) struct Keys<'a> {
+pub(super) struct KeyReader<'a> {
     table: &'a Table,
     used: BTreeSet<String>,
     /// Mistakes, by key; the empty key is the whole table.
-    pub(super) wrong: Vec<(String, String)>,
+    pub(super) mistakes: Vec<(String, String)>,
     /// The unit of its quantities, once it is known.
     pub(super) unit: Option<String>,
     /// Its quantities are fractions: plain numbers, or with `%`.
-    pub(super) parts: bool,
+    pub(super) as_fractions: bool,
 }
 
-impl<'a> Keys<'a> {
-    pub(super) fn new(table: &'a Table) -> Keys<'a> {
-        Keys {
+impl<'a> KeyReader<'a> {
+    pub(super) fn new(table: &'a Table) -> KeyReader<'a> {
+        KeyReader {
             table,
             used: BTreeSet::new(),
-            wrong: Vec::new(),
+            mistakes: Vec::new(),
             unit: None,
-            parts: false,
+            as_fractions: false,
         }
     }
 
     pub(super) fn refuse(&mut self, key: &str, reason: impl Into<String>) {
-        self.wrong.push((key.to_owned(), reason.into()));
+        self.mistakes.push((key.to_owned(), reason.into()));
     }
 
     /// The value at `key`, if present.
@@ -42,7 +42,7 @@ impl<'a> Keys<'a> {
     }
 
     /// The value at `key`, which is required.
-    pub(super) fn need(&mut self, key: &str, example: &str) -> Option<&'a Value> {
+    pub(super) fn required_value(&mut self, key: &str, example: &str) -> Option<&'a Value> {
         let found = self.value(key);
         if found.is_none() {
             self.refuse("", format!("`{key}` is missing: write for example {key} = {example}"));
@@ -70,7 +70,7 @@ impl<'a> Keys<'a> {
         }
     }
 
-    pub(super) fn whole(&mut self, key: &str, most: usize) -> Option<usize> {
+    pub(super) fn integer(&mut self, key: &str, most: usize) -> Option<usize> {
         let value = self.value(key)?;
         let whole = value.as_integer().and_then(|whole| usize::try_from(whole).ok());
         let whole = whole.filter(|whole| (1..=most).contains(whole));
@@ -81,7 +81,7 @@ impl<'a> Keys<'a> {
     }
 
     /// One of `words`.
-    pub(super) fn word<T: Copy>(&mut self, key: &str, words: &[(&str, T)]) -> Option<T> {
+    pub(super) fn one_of<T: Copy>(&mut self, key: &str, words: &[(&str, T)]) -> Option<T> {
         let text = self.text(key)?;
         let found = words.iter().find(|(word, _)| *word == text);
         if found.is_none() {
@@ -104,22 +104,22 @@ impl<'a> Keys<'a> {
         let example = || match &self.unit {
             Some(unit) if unit.is_empty() => "0.5".to_owned(),
             Some(unit) => format!("\"0.5 {unit}\""),
-            None if self.parts => "\"5 %\"".to_owned(),
+            None if self.as_fractions => "\"5 %\"".to_owned(),
             None => "\"0.5 kg\"".to_owned(),
         };
-        let (numbers, listed) = if let Some((numbers, listed)) = plain {
-            if !self.parts && self.unit.as_ref().is_some_and(|unit| !unit.is_empty()) {
+        let (numbers, is_list) = if let Some((numbers, is_list)) = plain {
+            if !self.as_fractions && self.unit.as_ref().is_some_and(|unit| !unit.is_empty()) {
                 return Err(format!("{value} has no unit: write for example {}", example()));
             }
-            if !self.parts {
+            if !self.as_fractions {
                 self.unit = Some(String::new());
             }
-            (numbers, listed)
+            (numbers, is_list)
         } else {
             let Value::String(text) = value else {
                 return Err(format!("{value} is no number: write for example {}", example()));
             };
-            if self.parts {
+            if self.as_fractions {
                 let share = text.strip_suffix('%').and_then(|text| text.trim().parse::<f64>().ok());
                 let share = share.ok_or_else(|| format!("`{text}` is no part: write 0.05 or \"5 %\""))?;
                 (vec![share / 100.0], false)
@@ -138,7 +138,7 @@ impl<'a> Keys<'a> {
         if numbers.iter().any(|number| !number.is_finite()) {
             return Err(format!("{value} is not finite"));
         }
-        Ok((numbers, listed))
+        Ok((numbers, is_list))
     }
 
     /// One number at `key`.
@@ -158,8 +158,8 @@ impl<'a> Keys<'a> {
     }
 
     /// The number at `key`, which is required.
-    pub(super) fn needed(&mut self, key: &str, example: &str) -> Option<f64> {
-        self.need(key, example)?;
+    pub(super) fn required_number(&mut self, key: &str, example: &str) -> Option<f64> {
+        self.required_value(key, example)?;
         self.number(key)
     }
 
@@ -193,7 +193,7 @@ impl<'a> Keys<'a> {
     }
 
     /// A number without a unit at `key`, or a fraction with `%`.
-    pub(super) fn part(&mut self, key: &str) -> Option<f64> {
+    pub(super) fn fraction(&mut self, key: &str) -> Option<f64> {
         let value = self.value(key)?;
         let share = |text: &str| Some(text.strip_suffix('%')?.trim().parse::<f64>().ok()? / 100.0);
         let found = number(value).or_else(|| value.as_str().and_then(share));
@@ -205,9 +205,9 @@ impl<'a> Keys<'a> {
     }
 
     /// The rounding step of values, in the unit of the table.
-    pub(super) fn step(&mut self, unit: &str) -> Option<Step> {
+    pub(super) fn step(&mut self, unit: &str) -> Option<RoundingStep> {
         let value = self.value("round")?;
-        let step = Step::of(value).filter(|step| step.unit == unit);
+        let step = RoundingStep::of(value).filter(|step| step.unit == unit);
         if step.is_none() {
             let example = if unit.is_empty() {
                 "1".to_owned()
@@ -227,13 +227,16 @@ impl<'a> Keys<'a> {
         let known: Vec<&str> = self.used.iter().map(String::as_str).collect();
         let known = known.join(", ");
         for key in self.table.keys().filter(|key| !self.used.contains(*key)) {
-            self.wrong.push((key.clone(), format!("unknown key; there is {known}")));
+            self.mistakes
+                .push((key.clone(), format!("unknown key; there is {known}")));
         }
-        self.wrong
+        self.mistakes
     }
 }
 
 /// A distribution that could be constructed; else a mistake is recorded at its key.
-pub(super) fn possible<T>(keys: &mut Keys<'_>, made: Result<T, Impossible>) -> Option<T> {
-    made.map_err(|error| keys.refuse(error.parameter, error.reason)).ok()
+pub(super) fn valid_or_record<T>(keys: &mut KeyReader<'_>, distribution: Result<T, InvalidParameter>) -> Option<T> {
+    distribution
+        .map_err(|error| keys.refuse(error.parameter, error.reason))
+        .ok()
 }

@@ -1,17 +1,17 @@
 //! Dispersions: each sets keys of the scenario to a value for every point.
 
 mod column;
+mod compatibility;
 mod dispersion;
-mod draws;
-mod fit;
 mod formula;
 mod keys;
 mod quantity;
 mod read;
+mod value_source;
 mod vectors;
 
 pub use dispersion::{DESIGNS, Design, Dispersion, Mode, Target};
-pub use draws::{Drawn, Draws, Frame, plain};
-pub use formula::{Formula, Sized};
-pub use quantity::{Quantity, at_key, by_names, near};
-pub use read::{Context, dispersion};
+pub use formula::{DimensionedValue, Formula};
+pub use quantity::{Quantity, at_key, keys_overlap, with_entry_names};
+pub use read::{Context, read_dispersion};
+pub use value_source::{AttitudeFormat, SampledValue, ValueSource, label_of};

@@ -15,17 +15,17 @@ pub struct Quantity {
     /// Their unit as the user writes it; empty where there is none.
     pub unit: String,
     /// Whether they are written in brackets.
-    pub listed: bool,
+    pub is_list: bool,
 }
 
 impl Quantity {
     /// Numbers without rounding.
-    pub fn new(numbers: Vec<f64>, unit: &str, listed: bool) -> Quantity {
+    pub fn new(numbers: Vec<f64>, unit: &str, is_list: bool) -> Quantity {
         Quantity {
             decimals: vec![None; numbers.len()],
             numbers,
             unit: unit.to_owned(),
-            listed,
+            is_list,
         }
     }
 
@@ -46,8 +46,8 @@ impl Quantity {
             }
             Value::String(text) => {
                 let unit = unit_in(text)?;
-                let (numbers, listed) = convert(text, unit).ok()?;
-                Some(Quantity::new(numbers, unit, listed))
+                let (numbers, is_list) = convert(text, unit).ok()?;
+                Some(Quantity::new(numbers, unit, is_list))
             }
             _ => None,
         }
@@ -66,7 +66,7 @@ impl Quantity {
         let digits: Vec<String> = (0..self.numbers.len()).map(|at| self.digits(at)).collect();
         let digits = digits.join(", ");
         let space = if self.unit.is_empty() { "" } else { " " };
-        if self.listed {
+        if self.is_list {
             format!("[{digits}]{space}{}", self.unit)
         } else {
             format!("{digits}{space}{}", self.unit)
@@ -74,7 +74,7 @@ impl Quantity {
     }
 
     /// Rounds number `at` to a multiple of `step`.
-    pub fn round(&mut self, at: usize, step: &Step) {
+    pub fn round(&mut self, at: usize, step: &RoundingStep) {
         self.numbers[at] = libm::round(self.numbers[at] / step.size) * step.size;
         self.decimals[at] = Some(step.decimals);
         // The written number is exact: seven steps of 0.1 are 0.7.
@@ -88,7 +88,7 @@ impl Quantity {
 
 /// The step of which rounded values are multiples.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Step {
+pub struct RoundingStep {
     /// Its size, in `unit`.
     pub size: f64,
     /// The decimals that it is written with.
@@ -97,9 +97,9 @@ pub struct Step {
     pub unit: String,
 }
 
-impl Step {
+impl RoundingStep {
     /// Reads `0.5`, `1`, `"0.1 ms"`; `None` for anything but such a number above zero.
-    pub fn of(value: &Value) -> Option<Step> {
+    pub fn of(value: &Value) -> Option<RoundingStep> {
         let text = match value {
             Value::String(text) => text.clone(),
             Value::Integer(_) | Value::Float(_) => value.to_string(),
@@ -111,7 +111,7 @@ impl Step {
         // An exponent would be read as the start of a unit.
         let plain = unit.chars().next().is_none_or(|c| !matches!(c, 'e' | 'E' | '-' | '+'));
         let decimals = digits.split_once('.').map_or(0, |(_, behind)| behind.len());
-        plain.then_some(Step { size, decimals, unit })
+        plain.then_some(RoundingStep { size, decimals, unit })
     }
 }
 
@@ -125,7 +125,7 @@ pub fn number(value: &Value) -> Option<f64> {
 }
 
 /// Whether one of two dotted keys is the other, or a table around it.
-pub fn near(one: &str, other: &str) -> bool {
+pub fn keys_overlap(one: &str, other: &str) -> bool {
     let within = |inner: &str, outer: &str| {
         let rest = inner.strip_prefix(outer);
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
@@ -134,7 +134,7 @@ pub fn near(one: &str, other: &str) -> bool {
 }
 
 /// The dotted `key`, in which entries of lists of tables are called by their names, as in the scenario's own messages.
-pub fn by_names(table: &Table, key: &str) -> String {
+pub fn with_entry_names(table: &Table, key: &str) -> String {
     let parts: Vec<&str> = key.split('.').collect();
     let named = parts.iter().enumerate().map(|(depth, part)| {
         let above = if depth == 0 {

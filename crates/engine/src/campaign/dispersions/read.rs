@@ -7,12 +7,12 @@ use sampling::distribution::{Scalar, Weights, moments_are_physical};
 use toml::{Table, Value};
 
 use super::column;
-use super::draws::plain;
-use super::keys::{Keys, possible};
-use super::quantity::{Quantity, Step, at_key};
+use super::keys::{KeyReader, valid_or_record};
+use super::quantity::{Quantity, RoundingStep, at_key};
+use super::value_source::label_of;
 use super::vectors::{attitude, correlated, direction, inertia};
-use super::{DESIGNS, Dispersion, Draws, Formula, Mode, Sized, Target};
-use crate::campaign::column::{NUMBERING, OF_TABLE};
+use super::{DESIGNS, DimensionedValue, Dispersion, Formula, Mode, Target, ValueSource};
+use crate::campaign::column::{INDEX_COLUMNS, TABLE_COLUMNS};
 
 /// The context of a dispersion.
 pub struct Context<'a> {
@@ -21,7 +21,7 @@ pub struct Context<'a> {
     /// The scenario with its files filled in.
     pub scenario: &'a Table,
     /// The numbers of the dispersions above it, by name, with their dimensions.
-    pub above: &'a dyn Fn(&str) -> Option<Sized>,
+    pub above: &'a dyn Fn(&str) -> Option<DimensionedValue>,
 }
 
 const DISTRIBUTIONS: [&str; 15] = [
@@ -53,14 +53,14 @@ const MODES: [(&str, Mode); 4] = [
 const LEVELS_MAX: usize = 10_000;
 
 /// Checks the name of a dispersion, which is also that of its columns.
-fn name_itself(name: &str, keys: &mut Keys<'_>) {
+fn check_name(name: &str, keys: &mut KeyReader<'_>) {
     if !name.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-') {
         keys.refuse(
             "",
             format!("the name `{name}` has other characters than letters, digits, `_` and `-`"),
         );
     }
-    let taken = [&OF_TABLE[..], &NUMBERING[..]].concat();
+    let taken = [&TABLE_COLUMNS[..], &INDEX_COLUMNS[..]].concat();
     if name.is_empty() || taken.contains(&name) {
         let taken = taken.join(", ");
         keys.refuse(
@@ -74,31 +74,34 @@ fn name_itself(name: &str, keys: &mut Keys<'_>) {
 ///
 /// # Errors
 /// All mistakes in it, by key; the empty key is the whole table.
-pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Dispersion, Vec<(String, String)>> {
-    let mut keys = Keys::new(table);
-    name_itself(name, &mut keys);
+pub fn read_dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Dispersion, Vec<(String, String)>> {
+    let mut keys = KeyReader::new(table);
+    check_name(name, &mut keys);
     let targets = targets(&mut keys);
-    let owns: Vec<Option<Quantity>> = targets
+    let nominals: Vec<Option<Quantity>> = targets
         .iter()
         .map(|target| at_key(context.scenario, &target.key).and_then(Quantity::of))
         .collect();
-    let mode = keys.word("as", &MODES).unwrap_or(Mode::Absolute);
-    keys.parts = matches!(mode, Mode::Relative | Mode::Factor);
+    let mode = keys.one_of("as", &MODES).unwrap_or(Mode::Absolute);
+    keys.as_fractions = matches!(mode, Mode::Relative | Mode::Factor);
     keys.unit = keys.text("unit").map(str::to_owned);
-    let own_unit = owns.first().and_then(|own| own.as_ref()).map(|own| own.unit.clone());
-    let within = targets.iter().any(|target| target.element.is_some());
-    if keys.unit.is_none() && (mode == Mode::Offset || within) {
+    let own_unit = nominals
+        .first()
+        .and_then(|own| own.as_ref())
+        .map(|own| own.unit.clone());
+    let has_elements = targets.iter().any(|target| target.element.is_some());
+    if keys.unit.is_none() && (mode == Mode::Offset || has_elements) {
         keys.unit.clone_from(&own_unit);
     }
-    let given = keys.need("distribution", "\"normal\"");
+    let given = keys.required_value("distribution", "\"normal\"");
     let Some(kind) = given.and_then(|_| keys.text("distribution")) else {
         // Without it no other key is known to be wrong.
-        return Err(keys.wrong);
+        return Err(keys.mistakes);
     };
-    let draws = match kind {
+    let source = match kind {
         "uniform" | "normal" | "truncated-normal" | "log-normal" | "triangular" => scalar(&mut keys, kind),
         "discrete" => discrete(&mut keys),
-        "column" => in_file(&mut keys, context.folder),
+        "column" => column_source(&mut keys, context.folder),
         "constant" => constant(&mut keys),
         "formula" => formula(&mut keys, context),
         "correlated-normal" => correlated(&mut keys, mode),
@@ -107,44 +110,44 @@ pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Di
         "inertia" => inertia(&mut keys),
         other => {
             let known = DISTRIBUTIONS.join(", ");
-            keys.wrong
+            keys.mistakes
                 .push(("distribution".into(), format!("`{other}` is unknown; there is {known}")));
-            return Err(keys.wrong);
+            return Err(keys.mistakes);
         }
     };
-    let unit = if keys.parts {
+    let unit = if keys.as_fractions {
         String::new()
     } else {
         keys.unit.clone().unwrap_or_default()
     };
-    let (once, design) = (keys.flag("once"), keys.word("design", &DESIGNS));
-    let levels = keys.whole("levels", LEVELS_MAX);
+    let (once, design) = (keys.flag("once"), keys.one_of("design", &DESIGNS));
+    let levels = keys.integer("levels", LEVELS_MAX);
     // Rounding applies to the value at the key, in its unit.
-    let changed = mode != Mode::Absolute || within || draws.as_ref().is_some_and(Draws::turns);
-    let made = if changed {
+    let changed = mode != Mode::Absolute || has_elements || source.as_ref().is_some_and(ValueSource::transforms_value);
+    let value_unit = if changed {
         own_unit.unwrap_or_default()
     } else {
         unit.clone()
     };
     let step = keys
-        .step(&made)
-        .or_else(|| whole(draws.as_ref()?, &made, owns.first()?.as_ref()));
-    let Some(draws) = draws else {
+        .step(&value_unit)
+        .or_else(|| integer_step(source.as_ref()?, &value_unit, nominals.first()?.as_ref()));
+    let Some(source) = source else {
         return Err(keys.finish());
     };
     let dispersion = Dispersion {
         name: name.to_owned(),
         targets,
-        draws,
+        source,
         mode,
         unit,
-        made,
+        value_unit,
         step,
         once,
         design,
         levels,
     };
-    fits(&mut keys, &dispersion, &owns, context);
+    check_fit(&mut keys, &dispersion, &nominals, context);
     match keys.finish() {
         wrong if wrong.is_empty() => Ok(dispersion),
         wrong => Err(wrong),
@@ -152,7 +155,7 @@ pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Di
 }
 
 /// `a.b.c` and `a.b.c[2]`.
-fn targets(keys: &mut Keys<'_>) -> Vec<Target> {
+fn targets(keys: &mut KeyReader<'_>) -> Vec<Target> {
     let texts: Vec<&str> = match keys.value("key") {
         None => Vec::new(),
         Some(Value::String(one)) => vec![one],
@@ -190,16 +193,19 @@ fn targets(keys: &mut Keys<'_>) -> Vec<Target> {
     targets
 }
 
-fn scalar(keys: &mut Keys<'_>, kind: &str) -> Option<Draws> {
-    let example = if keys.parts { "\"5 %\"" } else { "\"0.5 kg\"" };
-    let made = match kind {
+fn scalar(keys: &mut KeyReader<'_>, kind: &str) -> Option<ValueSource> {
+    let example = if keys.as_fractions { "\"5 %\"" } else { "\"0.5 kg\"" };
+    let distribution = match kind {
         "uniform" => {
-            let (from, to) = (keys.needed("from", example), keys.needed("to", example));
+            let (from, to) = (
+                keys.required_number("from", example),
+                keys.required_number("to", example),
+            );
             Scalar::Uniform { from: from?, to: to? }
         }
         "normal" | "truncated-normal" => {
             let mean = mean(keys, example);
-            let deviation = keys.needed("deviation", example);
+            let deviation = keys.required_number("deviation", example);
             if kind == "normal" {
                 Scalar::Normal {
                     mean: mean?,
@@ -222,17 +228,20 @@ fn scalar(keys: &mut Keys<'_>, kind: &str) -> Option<Draws> {
             }
         }
         "log-normal" => {
-            let median = keys.needed("median", example);
-            keys.need("log-deviation", "0.1");
-            let log_deviation = keys.part("log-deviation");
+            let median = keys.required_number("median", example);
+            keys.required_value("log-deviation", "0.1");
+            let log_deviation = keys.fraction("log-deviation");
             Scalar::LogNormal {
                 median: median?,
                 log_deviation: log_deviation?,
             }
         }
         _ => {
-            let (from, mode) = (keys.needed("from", example), keys.needed("mode", example));
-            let to = keys.needed("to", example);
+            let (from, mode) = (
+                keys.required_number("from", example),
+                keys.required_number("mode", example),
+            );
+            let to = keys.required_number("to", example);
             Scalar::Triangular {
                 from: from?,
                 mode: mode?,
@@ -240,21 +249,21 @@ fn scalar(keys: &mut Keys<'_>, kind: &str) -> Option<Draws> {
             }
         }
     };
-    possible(keys, made.check())?;
-    Some(Draws::Scalar(made))
+    valid_or_record(keys, distribution.check())?;
+    Some(ValueSource::Scalar(distribution))
 }
 
 /// The mean: zero unless given where a draw is added to the key's value or is a fraction of it.
-fn mean(keys: &mut Keys<'_>, example: &str) -> Option<f64> {
+fn mean(keys: &mut KeyReader<'_>, example: &str) -> Option<f64> {
     let added = keys.value("as").and_then(Value::as_str);
     match added {
         Some("offset" | "relative") if keys.value("mean").is_none() => Some(0.0),
-        _ => keys.needed("mean", example),
+        _ => keys.required_number("mean", example),
     }
 }
 
 /// Weights of so many choices: equal ones unless given.
-fn weights(keys: &mut Keys<'_>, choices: usize) -> Option<Weights> {
+fn weights(keys: &mut KeyReader<'_>, choices: usize) -> Option<Weights> {
     let given = match keys.value("weights") {
         None => vec![1.0; choices],
         Some(value) => {
@@ -272,17 +281,17 @@ fn weights(keys: &mut Keys<'_>, choices: usize) -> Option<Weights> {
         keys.refuse("weights", format!("has {} numbers for {choices} values", given.len()));
         return None;
     }
-    possible(keys, Weights::new(&given))
+    valid_or_record(keys, Weights::new(&given))
 }
 
-fn discrete(keys: &mut Keys<'_>) -> Option<Draws> {
-    let values = keys.need("values", "[\"5 ms\", \"10 ms\"]")?;
+fn discrete(keys: &mut KeyReader<'_>) -> Option<ValueSource> {
+    let values = keys.required_value("values", "[\"5 ms\", \"10 ms\"]")?;
     let Some(values) = values.as_array().filter(|values| !values.is_empty()) else {
         keys.refuse("values", format!("{values} is no list of values"));
         return None;
     };
     let labels = match keys.value("labels") {
-        None => values.iter().map(plain).collect(),
+        None => values.iter().map(label_of).collect(),
         Some(given) => {
             let texts: Option<Vec<String>> = given.as_array().and_then(|all| {
                 let texts = all.iter().map(|one| one.as_str().map(str::to_owned));
@@ -309,24 +318,24 @@ fn discrete(keys: &mut Keys<'_>) -> Option<Draws> {
         .collect();
     let labelled = keys.value("labels").is_some();
     match numbers.filter(|_| !labelled) {
-        Some(numbers) => Some(Draws::Numbers(numbers, weights)),
+        Some(numbers) => Some(ValueSource::Numbers(numbers, weights)),
         None => {
             keys.unit = unit;
             let both = values.iter().cloned().zip(labels);
-            Some(Draws::Values(both.collect(), weights))
+            Some(ValueSource::Values(both.collect(), weights))
         }
     }
 }
 
-fn in_file(keys: &mut Keys<'_>, folder: &Path) -> Option<Draws> {
-    keys.need("file", "\"masses.csv\"");
-    keys.need("column", "\"mass\"");
+fn column_source(keys: &mut KeyReader<'_>, folder: &Path) -> Option<ValueSource> {
+    keys.required_value("file", "\"masses.csv\"");
+    keys.required_value("column", "\"mass\"");
     let random = keys
-        .word("order", &[("in-turn", false), ("random", true)])
+        .one_of("order", &[("in-turn", false), ("random", true)])
         .unwrap_or(false);
     let (file, name) = (keys.text("file")?, keys.text("column")?);
     let path = folder.join(file);
-    let (cells, unit) = match column::cells(&path, name) {
+    let (cells, unit) = match column::read_column(&path, name) {
         Ok(read) => read,
         Err(reason) => {
             keys.refuse("file", format!("the file `{}` {reason}", path.display()));
@@ -352,12 +361,12 @@ fn in_file(keys: &mut Keys<'_>, folder: &Path) -> Option<Draws> {
     let Some(mut numbers) = numbers else {
         return Some(if random {
             let both = cells.iter().map(|cell| (crate::scenario::value(cell), cell.clone()));
-            Draws::Values(both.collect(), possible(keys, Weights::new(&even))?)
+            ValueSource::Values(both.collect(), valid_or_record(keys, Weights::new(&even))?)
         } else {
-            Draws::TextsInTurn(cells)
+            ValueSource::TextSequence(cells)
         });
     };
-    if !keys.parts {
+    if !keys.as_fractions {
         match keys.unit.clone() {
             None => keys.unit = Some(unit),
             Some(wanted) if wanted != unit && !unit.is_empty() => {
@@ -370,33 +379,33 @@ fn in_file(keys: &mut Keys<'_>, folder: &Path) -> Option<Draws> {
         }
     }
     Some(if random {
-        Draws::Numbers(numbers, possible(keys, Weights::new(&even))?)
+        ValueSource::Numbers(numbers, valid_or_record(keys, Weights::new(&even))?)
     } else {
-        Draws::InTurn(numbers)
+        ValueSource::Sequence(numbers)
     })
 }
 
-fn constant(keys: &mut Keys<'_>) -> Option<Draws> {
-    let value = keys.need("value", "\"0.2 m\"")?;
+fn constant(keys: &mut KeyReader<'_>) -> Option<ValueSource> {
+    let value = keys.required_value("value", "\"0.2 m\"")?;
     let unit = keys.unit.clone();
     match keys.quantity(value) {
-        Ok((numbers, false)) => Some(Draws::Number(numbers[0])),
+        Ok((numbers, false)) => Some(ValueSource::Number(numbers[0])),
         _ => {
             keys.unit = unit;
-            Some(Draws::Constant(value.clone()))
+            Some(ValueSource::Constant(value.clone()))
         }
     }
 }
 
-fn formula(keys: &mut Keys<'_>, context: &Context<'_>) -> Option<Draws> {
-    keys.need("formula", "\"0.5 * mass * radius^2\"");
+fn formula(keys: &mut KeyReader<'_>, context: &Context<'_>) -> Option<ValueSource> {
+    keys.required_value("formula", "\"0.5 * mass * radius^2\"");
     let text = keys.text("formula")?;
-    let made = Formula::read(text).and_then(|formula| {
+    let parsed = Formula::parse(text).and_then(|formula| {
         let (_, dimension) = formula.value(context.above)?;
         Ok((formula, dimension))
     });
-    let (formula, dimension) = match made {
-        Ok(made) => made,
+    let (formula, dimension) = match parsed {
+        Ok(parsed) => parsed,
         Err(reason) => {
             keys.refuse("formula", reason);
             return None;
@@ -409,7 +418,7 @@ fn formula(keys: &mut Keys<'_>, context: &Context<'_>) -> Option<Draws> {
         unit_factor(&unit)
     };
     match wanted {
-        Ok((per_si, wanted)) if wanted == dimension => Some(Draws::Formula(formula, per_si)),
+        Ok((per_si, wanted)) if wanted == dimension => Some(ValueSource::Formula(formula, per_si)),
         Ok((_, wanted)) => {
             let named = if unit.is_empty() {
                 "no unit".to_owned()
@@ -430,31 +439,31 @@ fn formula(keys: &mut Keys<'_>, context: &Context<'_>) -> Option<Draws> {
 }
 
 /// Whole numbers stay whole for a key that has a whole number.
-fn whole(draws: &Draws, unit: &str, own: Option<&Quantity>) -> Option<Step> {
+fn integer_step(source: &ValueSource, unit: &str, own: Option<&Quantity>) -> Option<RoundingStep> {
     let own = own.is_none_or(|own| own.decimals[..] == [Some(0)]);
     let plain = |numbers: &[f64]| numbers.iter().all(|number| number.fract() == 0.0);
-    let all = match draws {
-        Draws::Numbers(numbers, _) | Draws::InTurn(numbers) => plain(numbers),
-        Draws::Number(number) => plain(&[*number]),
+    let all = match source {
+        ValueSource::Numbers(numbers, _) | ValueSource::Sequence(numbers) => plain(numbers),
+        ValueSource::Number(number) => plain(&[*number]),
         _ => false,
     };
-    (own && all && unit.is_empty()).then(|| Step {
+    (own && all && unit.is_empty()).then(|| RoundingStep {
         size: 1.0,
         decimals: 0,
         unit: String::new(),
     })
 }
 
-/// Checks that the draws fit the keys and their own values.
-fn fits(keys: &mut Keys<'_>, dispersion: &Dispersion, owns: &[Option<Quantity>], context: &Context<'_>) {
-    super::fit::check(dispersion, owns, context.scenario, &mut |key, reason| {
+/// Checks that the value source fits the keys and their present values.
+fn check_fit(keys: &mut KeyReader<'_>, dispersion: &Dispersion, nominals: &[Option<Quantity>], context: &Context<'_>) {
+    super::compatibility::check(dispersion, nominals, context.scenario, &mut |key, reason| {
         keys.refuse(key, reason)
     });
     let moments = |own: &Quantity| match own.numbers[..] {
         [x, y, z] => moments_are_physical([x, y, z]),
         _ => true,
     };
-    if let (Draws::Inertia(_), Some(Some(own))) = (&dispersion.draws, owns.first())
+    if let (ValueSource::Inertia(_), Some(Some(own))) = (&dispersion.source, nominals.first())
         && !moments(own)
     {
         keys.refuse(

@@ -2,16 +2,16 @@
 
 use sampling::distribution::{Correlated, Inertia};
 
-use super::keys::{Keys, possible};
+use super::keys::{KeyReader, valid_or_record};
 use super::quantity::{Quantity, number};
-use super::{Draws, Frame, Mode};
+use super::{AttitudeFormat, Mode, ValueSource};
 
-pub(super) fn correlated(keys: &mut Keys<'_>, mode: Mode) -> Option<Draws> {
-    keys.need("deviations", "\"[1, 1, 2] mm\"");
+pub(super) fn correlated(keys: &mut KeyReader<'_>, mode: Mode) -> Option<ValueSource> {
+    keys.required_value("deviations", "\"[1, 1, 2] mm\"");
     let mean = match mode {
         Mode::Offset | Mode::Relative if keys.value("mean").is_none() => None,
         _ => {
-            keys.need("mean", "\"[0, 0, 1] m\"");
+            keys.required_value("mean", "\"[0, 0, 1] m\"");
             Some(keys.numbers("mean")?)
         }
     };
@@ -34,11 +34,11 @@ pub(super) fn correlated(keys: &mut Keys<'_>, mode: Mode) -> Option<Draws> {
             rows
         }
     };
-    let made = Correlated::new(&mean, &deviations, correlations.as_deref());
-    possible(keys, made).map(Draws::Correlated)
+    let distribution = Correlated::new(&mean, &deviations, correlations.as_deref());
+    valid_or_record(keys, distribution).map(ValueSource::Correlated)
 }
 
-pub(super) fn direction(keys: &mut Keys<'_>, kind: &str) -> Option<Draws> {
+pub(super) fn direction(keys: &mut KeyReader<'_>, kind: &str) -> Option<ValueSource> {
     let length = match keys.value("length") {
         None => Some(1.0),
         Some(_) => keys.number("length"),
@@ -47,10 +47,10 @@ pub(super) fn direction(keys: &mut Keys<'_>, kind: &str) -> Option<Draws> {
         keys.refuse("length", "is not above zero");
     }
     if kind == "sphere" {
-        return Some(Draws::Sphere(length?));
+        return Some(ValueSource::Sphere(length?));
     }
-    keys.need("axis", "[0, 0, 1]");
-    keys.need("half-angle", "\"10 deg\"");
+    keys.required_value("axis", "[0, 0, 1]");
+    keys.required_value("half-angle", "\"10 deg\"");
     let axis = keys.value("axis").and_then(Quantity::of).map(|axis| axis.numbers);
     let axis = axis.filter(|axis| axis.len() == 3 && axis.iter().any(|x| *x != 0.0));
     if axis.is_none() && keys.value("axis").is_some() {
@@ -65,40 +65,40 @@ pub(super) fn direction(keys: &mut Keys<'_>, kind: &str) -> Option<Draws> {
         return None;
     }
     let axis = axis?;
-    Some(Draws::Cone {
+    Some(ValueSource::Cone {
         length: length?,
         axis: [axis[0], axis[1], axis[2]],
         half_angle,
     })
 }
 
-pub(super) fn attitude(keys: &mut Keys<'_>, kind: &str, own_unit: Option<&str>) -> Option<Draws> {
+pub(super) fn attitude(keys: &mut KeyReader<'_>, kind: &str, own_unit: Option<&str>) -> Option<ValueSource> {
     #[derive(Clone, Copy, PartialEq)]
-    enum Written {
+    enum Notation {
         Quaternion,
         RollPitchYaw,
         Direction,
     }
     let words = [
-        ("quaternion", Written::Quaternion),
-        ("roll-pitch-yaw", Written::RollPitchYaw),
-        ("direction", Written::Direction),
+        ("quaternion", Notation::Quaternion),
+        ("roll-pitch-yaw", Notation::RollPitchYaw),
+        ("direction", Notation::Direction),
     ];
     let known = if kind == "rotation" { &words[..2] } else { &words[..] };
-    let written = match keys.value("written") {
-        None => Written::Quaternion,
-        Some(_) => keys.word("written", known)?,
+    let notation = match keys.value("written") {
+        None => Notation::Quaternion,
+        Some(_) => keys.one_of("written", known)?,
     };
-    let frame = match written {
-        Written::Quaternion => {
+    let frame = match notation {
+        Notation::Quaternion => {
             keys.unit = Some(String::new());
-            Frame::Quaternion
+            AttitudeFormat::Quaternion
         }
-        Written::Direction => {
+        Notation::Direction => {
             keys.unit = Some(own_unit.unwrap_or_default().to_owned());
-            Frame::Direction
+            AttitudeFormat::Direction
         }
-        Written::RollPitchYaw => {
+        Notation::RollPitchYaw => {
             let unit = keys
                 .unit
                 .clone()
@@ -112,24 +112,24 @@ pub(super) fn attitude(keys: &mut Keys<'_>, kind: &str, own_unit: Option<&str>) 
                 }
             };
             keys.unit = Some(unit);
-            Frame::RollPitchYaw { per_rad }
+            AttitudeFormat::RollPitchYaw { per_rad }
         }
     };
     if kind == "rotation" {
-        return Some(Draws::Rotation(frame));
+        return Some(ValueSource::Rotation(frame));
     }
-    keys.need("deviation", "\"0.1 deg\"");
+    keys.required_value("deviation", "\"0.1 deg\"");
     let deviation = keys.angle("deviation")?;
     if deviation <= 0.0 {
         keys.refuse("deviation", "is not above zero");
         return None;
     }
-    Some(Draws::Misalignment(deviation, frame))
+    Some(ValueSource::Misalignment(deviation, frame))
 }
 
-pub(super) fn inertia(keys: &mut Keys<'_>) -> Option<Draws> {
-    keys.need("log-deviation", "0.05");
-    let log_deviation = keys.part("log-deviation")?;
+pub(super) fn inertia(keys: &mut KeyReader<'_>) -> Option<ValueSource> {
+    keys.required_value("log-deviation", "0.05");
+    let log_deviation = keys.fraction("log-deviation")?;
     let turn = match keys.value("turn") {
         None => 0.0,
         Some(_) => keys.angle("turn")?,
@@ -138,5 +138,8 @@ pub(super) fn inertia(keys: &mut Keys<'_>) -> Option<Draws> {
         keys.refuse("log-deviation", "is not above zero");
         return None;
     }
-    Some(Draws::Inertia(Inertia { log_deviation, turn }))
+    Some(ValueSource::Inertia(Inertia {
+        log_deviation,
+        rotation_deviation: turn,
+    }))
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::engine::Engine;
-use super::job::{Job, Order};
+use super::job::{Job, JobRequest};
 use super::{hyperqueue, slurm};
 use crate::campaign::CampaignError;
 
@@ -21,32 +21,32 @@ impl Engine {
     }
 
     /// Maximum number of shards of one job.
-    pub(super) fn at_once(self) -> Result<usize, CampaignError> {
+    pub(super) fn job_size_max(self) -> Result<usize, CampaignError> {
         match self {
             Engine::Shell | Engine::Hyperqueue => Ok(usize::MAX),
             Engine::Slurm => slurm::array_max(),
         }
     }
 
-    pub(super) fn start(self, order: &Order<'_>) -> Result<Job, CampaignError> {
+    pub(super) fn start(self, request: &JobRequest<'_>) -> Result<Job, CampaignError> {
         let id = match self {
             // The user starts the command lines.
             Engine::Shell => String::new(),
-            Engine::Slurm => slurm::start(order)?,
-            Engine::Hyperqueue => hyperqueue::start(order)?,
+            Engine::Slurm => slurm::start(request)?,
+            Engine::Hyperqueue => hyperqueue::start(request)?,
         };
         Ok(Job {
             id,
-            shards: order.shards.to_vec(),
+            shards: request.shards.to_vec(),
         })
     }
 
     /// The shards of `job` that wait or run, as far as the engine knows.
-    pub(super) fn alive(self, job: &Job, args: &[String]) -> Result<BTreeSet<usize>, CampaignError> {
+    pub(super) fn active_shards(self, job: &Job, args: &[String]) -> Result<BTreeSet<usize>, CampaignError> {
         match self {
             Engine::Shell => Ok(BTreeSet::new()),
-            Engine::Slurm => slurm::alive(job),
-            Engine::Hyperqueue => hyperqueue::alive(job, args),
+            Engine::Slurm => slurm::active_shards(job),
+            Engine::Hyperqueue => hyperqueue::active_shards(job, args),
         }
     }
 }

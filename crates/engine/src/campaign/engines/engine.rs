@@ -52,7 +52,7 @@ impl Engine {
     }
 
     /// Runs a command of the engine to completion.
-    pub(super) fn call(self, command: &mut Command, remedy: &str) -> Result<Output, CampaignError> {
+    pub(super) fn run_command(self, command: &mut Command, remedy: &str) -> Result<Output, CampaignError> {
         command.output().or_else(|error| {
             let program = command.get_program().to_string_lossy().into_owned();
             self.refuse(format!("`{program}` cannot be started ({error}): {remedy}"))
@@ -61,7 +61,7 @@ impl Engine {
 }
 
 /// The last lines of a command's output.
-pub(super) fn last_words(output: &Output) -> String {
+pub(super) fn last_line(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stderr);
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     lines.next_back().unwrap_or("it says nothing").to_owned()

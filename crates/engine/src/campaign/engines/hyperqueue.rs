@@ -6,16 +6,16 @@ use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
 
-use super::engine::{Engine, last_words};
-use super::job::{Job, Order};
+use super::engine::{Engine, last_line};
+use super::job::{Job, JobRequest};
 use crate::campaign::CampaignError;
-use crate::campaign::folder::identity::failed;
+use crate::campaign::folder::identity::io_error;
 
 const SCRIPT: &str = include_str!("hyperqueue.py");
 const REMEDY: &str = "it is spoken to through its Python package: activate an environment whose `python3` has it (pip install hyperqueue)";
 
 /// Queries the package.
-fn ask(asked: &Value) -> Result<Value, CampaignError> {
+fn query(request: &Value) -> Result<Value, CampaignError> {
     let engine = Engine::Hyperqueue;
     let mut command = Command::new("python3");
     command
@@ -29,50 +29,50 @@ fn ask(asked: &Value) -> Result<Value, CampaignError> {
     };
     if let Some(mut stdin) = child.stdin.take() {
         // The error of a process that has ended is reported below.
-        let _ = stdin.write_all(asked.to_string().as_bytes());
+        let _ = stdin.write_all(request.to_string().as_bytes());
     }
     let output = match child.wait_with_output() {
         Ok(output) => output,
         Err(error) => return engine.refuse(format!("`python3` does not end: {error}")),
     };
     if !output.status.success() {
-        let words = last_words(&output);
-        let remedy = if words.contains("ModuleNotFoundError") {
+        let message = last_line(&output);
+        let remedy = if message.contains("ModuleNotFoundError") {
             REMEDY
         } else {
             "is its server up?"
         };
-        return engine.refuse(format!("{words}; {remedy}"));
+        return engine.refuse(format!("{message}; {remedy}"));
     }
     match serde_json::from_slice(&output.stdout) {
-        Ok(answer) => Ok(answer),
+        Ok(reply) => Ok(reply),
         Err(error) => engine.refuse(format!("its answer is none ({error})")),
     }
 }
 
 pub fn version() -> Result<String, CampaignError> {
-    let answer = ask(&json!({ "what": "version" }))?;
-    Ok(format!("hyperqueue {}", answer.as_str().unwrap_or_default()))
+    let reply = query(&json!({ "what": "version" }))?;
+    Ok(format!("hyperqueue {}", reply.as_str().unwrap_or_default()))
 }
 
-pub fn start(order: &Order<'_>) -> Result<String, CampaignError> {
-    let log = order.root.join("log");
-    std::fs::create_dir_all(&log).map_err(failed(&log, "create the folder"))?;
-    let answer = ask(&json!({
+pub fn start(request: &JobRequest<'_>) -> Result<String, CampaignError> {
+    let log = request.root.join("log");
+    std::fs::create_dir_all(&log).map_err(io_error(&log, "create the folder"))?;
+    let reply = query(&json!({
         "what": "submit",
-        "args": order.args,
-        "name": order.name,
-        "folder": order.root.to_string_lossy(),
-        "script": order.script.to_string_lossy(),
-        "shards": order.shards,
+        "args": request.args,
+        "name": request.name,
+        "folder": request.root.to_string_lossy(),
+        "script": request.script.to_string_lossy(),
+        "shards": request.shards,
     }))?;
-    Ok(answer.as_str().unwrap_or_default().to_owned())
+    Ok(reply.as_str().unwrap_or_default().to_owned())
 }
 
-pub fn alive(job: &Job, args: &[String]) -> Result<BTreeSet<usize>, CampaignError> {
-    let asked = json!({ "what": "alive", "args": args, "job": job.id, "tasks": job.shards.len() });
-    let answer = ask(&asked)?;
-    let tasks = answer.as_array().into_iter().flatten().filter_map(Value::as_u64);
+pub fn active_shards(job: &Job, args: &[String]) -> Result<BTreeSet<usize>, CampaignError> {
+    let request = json!({ "what": "alive", "args": args, "job": job.id, "tasks": job.shards.len() });
+    let reply = query(&request)?;
+    let tasks = reply.as_array().into_iter().flatten().filter_map(Value::as_u64);
     Ok(tasks
         .filter_map(|at| job.shards.get(usize::try_from(at).ok()?).copied())
         .collect())

@@ -14,7 +14,7 @@ pub struct Job {
 }
 
 /// A job to be submitted.
-pub(super) struct Order<'a> {
+pub(super) struct JobRequest<'a> {
     /// The absolute path of the campaign's folder.
     pub(super) root: &'a Path,
     /// The campaign's name.

@@ -3,14 +3,14 @@
 //! An engine starts `shard.sh K` on some machine for each missing shard K. The results are in the shards' folders: an
 //! engine that loses a shard, runs it twice or loses its state changes no result.
 
+mod batches;
 mod dispatch;
 mod engine;
-mod enough;
 mod hyperqueue;
 mod job;
 mod slurm;
 mod submit;
 
+pub use batches::{Step, submit};
 pub use engine::Engine;
-pub use enough::{Step, submit};
 pub use submit::{Cluster, Underway, Waiting, waiting};

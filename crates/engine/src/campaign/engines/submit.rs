@@ -9,10 +9,10 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::engine::Engine;
-use super::job::{Job, Order};
+use super::job::{Job, JobRequest};
 use crate::Catalogue;
-use crate::campaign::folder::claim::Folder;
-use crate::campaign::folder::identity::{Identity, failed};
+use crate::campaign::folder::campaign_folder::Folder;
+use crate::campaign::folder::identity::{Identity, io_error};
 use crate::campaign::folder::status::{State, parts};
 use crate::campaign::shards::bundle::{Bundle, bundle};
 use crate::campaign::shards::shard::Shard;
@@ -48,7 +48,7 @@ pub struct Underway {
 }
 
 /// The result of a submission.
-pub(super) enum Gave {
+pub(super) enum Submission {
     /// Shards are running or waiting.
     Underway(Underway),
     /// All shards are complete: the folders to be merged.
@@ -62,7 +62,7 @@ pub(super) enum Gave {
 
 /// `engine.json`: the engine's record in the campaign's folder.
 #[derive(Debug, Serialize, Deserialize)]
-struct Given {
+struct EngineRecord {
     engine: Engine,
     version: String,
     /// Number of shards.
@@ -73,22 +73,22 @@ struct Given {
     jobs: Vec<Job>,
 }
 
-impl Given {
-    fn read(root: &Path) -> Result<Option<Given>, CampaignError> {
+impl EngineRecord {
+    fn read(root: &Path) -> Result<Option<EngineRecord>, CampaignError> {
         let path = root.join("engine.json");
         match std::fs::read(&path) {
             Ok(text) => serde_json::from_slice(&text)
                 .map(Some)
-                .map_err(|error| failed(&path, "read the file")(error.into())),
+                .map_err(|error| io_error(&path, "read the file")(error.into())),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(failed(&path, "read the file")(error)),
+            Err(error) => Err(io_error(&path, "read the file")(error)),
         }
     }
 
     fn write(&self, root: &Path) -> Result<(), CampaignError> {
         let path = root.join("engine.json");
         let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
-        tape::write_atomic(&path, text).map_err(failed(&path, "write the file"))
+        tape::write_atomic(&path, text).map_err(io_error(&path, "write the file"))
     }
 
     /// Number of shards of the jobs.
@@ -97,10 +97,10 @@ impl Given {
     }
 
     /// The shards that wait or run.
-    fn alive(&self) -> Result<BTreeSet<usize>, CampaignError> {
+    fn active_shards(&self) -> Result<BTreeSet<usize>, CampaignError> {
         let mut alive = BTreeSet::new();
         for job in &self.jobs {
-            alive.extend(self.engine.alive(job, &self.args)?);
+            alive.extend(self.engine.active_shards(job, &self.args)?);
         }
         Ok(alive)
     }
@@ -122,16 +122,16 @@ pub struct Waiting {
 /// # Errors
 /// When the folder cannot be read.
 pub fn waiting(root: &Path) -> Result<Option<Waiting>, CampaignError> {
-    let given = Given::read(root)?;
-    Ok(given.map(|given| Waiting {
-        engine: given.engine,
-        of: given.of,
-        alive: given.alive(),
+    let record = EngineRecord::read(root)?;
+    Ok(record.map(|record| Waiting {
+        engine: record.engine,
+        of: record.of,
+        alive: record.active_shards(),
     }))
 }
 
 /// A path, quoted for a shell.
-fn quoted(path: &Path) -> String {
+fn shell_quoted(path: &Path) -> String {
     format!(
         "'{}'",
         String::from_utf8_lossy(path.as_os_str().as_bytes()).replace('\'', "'\\''")
@@ -139,9 +139,13 @@ fn quoted(path: &Path) -> String {
 }
 
 /// The absolute path of the folder of `campaign`.
-pub(super) fn place(campaign: &Campaign, identity: &Identity, options: &Options) -> Result<PathBuf, CampaignError> {
-    let root = Folder::place(campaign, identity, options);
-    std::path::absolute(&root).map_err(failed(&root, "find the folder"))
+pub(super) fn campaign_root(
+    campaign: &Campaign,
+    identity: &Identity,
+    options: &Options,
+) -> Result<PathBuf, CampaignError> {
+    let root = Folder::path_of(campaign, identity, options);
+    std::path::absolute(&root).map_err(io_error(&root, "find the folder"))
 }
 
 /// Submits to the engine the shards of `campaign` that are missing and not yet with it.
@@ -149,78 +153,78 @@ pub(super) fn place(campaign: &Campaign, identity: &Identity, options: &Options)
 /// # Errors
 /// When the folder belongs to something else, or the engine refuses. The next call knows the shards that the engine had
 /// accepted before the error.
-pub(super) fn give(
+pub(super) fn submit_missing(
     catalogue: &Arc<Catalogue>,
     campaign: &Campaign,
     scenario: &Scenario,
     options: &Options,
     cluster: &Cluster,
-) -> Result<Gave, CampaignError> {
+) -> Result<Submission, CampaignError> {
     let version = cluster.engine.version()?;
     let identity = Identity::of(campaign, scenario)?;
-    let root = place(campaign, &identity, options)?;
+    let root = campaign_root(campaign, &identity, options)?;
     // Held to the end: two processes that submit the same shards would run them twice.
-    let (folder, _) = Folder::take(&root, campaign, &identity)?;
-    let before = Given::read(&root)?;
-    let mut given = cluster.after(before, campaign.points.len(), options.audit, &root)?;
-    given.version = version;
-    let of = given.of;
-    let alive = given.alive()?;
+    let (folder, _) = Folder::lock_at(&root, campaign, &identity)?;
+    let before = EngineRecord::read(&root)?;
+    let mut record = cluster.with_previous(before, campaign.points.len(), options.audit, &root)?;
+    record.version = version;
+    let of = record.of;
+    let alive = record.active_shards()?;
     // Jobs that have ended are not queried again.
-    given
+    record
         .jobs
         .retain(|job| job.shards.iter().any(|shard| alive.contains(shard)));
-    let state = Shards::read(&root, &identity, of, given.audit)?;
+    let state = ShardStates::read(&root, &identity, of, record.audit)?;
     if state.complete.len() == of {
         drop(folder);
         let shards = state.complete.into_values().collect();
-        return Ok(Gave::Complete { root, shards });
+        return Ok(Submission::Complete { root, shards });
     }
-    let there =
+    let is_submitted =
         |shard: &usize| alive.contains(shard) || state.running.contains(shard) || state.complete.contains_key(shard);
-    let missing: Vec<usize> = (1..=of).filter(|shard| !there(shard)).collect();
-    let with_engine = of - missing.len() - state.complete.len();
-    let bundle = match known(&root, &identity) {
+    let missing: Vec<usize> = (1..=of).filter(|shard| !is_submitted(shard)).collect();
+    let already_submitted = of - missing.len() - state.complete.len();
+    let bundle = match existing_bundle(&root, &identity) {
         Some(bundle) => bundle,
-        None if with_engine > 0 => {
+        None if already_submitted > 0 => {
             let reason = "has shards that are with the engine or run: wait for their end before the campaign becomes another one";
             return cluster.engine.refuse(format!("{} {reason}", root.display()));
         }
         None => bundle(&root.join("bundle"), catalogue, campaign, scenario, &cluster.include)?,
     };
-    let script = script(&root, &bundle, of, given.audit, options)?;
+    let script = script(&root, &bundle, of, record.audit, options)?;
     let mut jobs = Vec::new();
-    for shards in missing.chunks(cluster.engine.at_once()?) {
-        let order = Order {
+    for shards in missing.chunks(cluster.engine.job_size_max()?) {
+        let request = JobRequest {
             root: &root,
             name: &identity.scenario,
             script: script.clone(),
             shards,
-            args: &given.args,
+            args: &record.args,
         };
         let job = cluster
             .engine
-            .start(&order)
-            .map_err(|error| after_others(error, given.shards()))?;
+            .start(&request)
+            .map_err(|error| mention_accepted(error, record.shards()))?;
         jobs.push(job.id.clone());
-        given.jobs.push(job);
-        given.write(&root)?;
+        record.jobs.push(job);
+        record.write(&root)?;
     }
-    given.write(&root)?;
-    Ok(Gave::Underway(Underway {
+    record.write(&root)?;
+    Ok(Submission::Underway(Underway {
         lines: missing
             .iter()
-            .map(|shard| format!("{} {shard}", quoted(&script)))
+            .map(|shard| format!("{} {shard}", shell_quoted(&script)))
             .collect(),
         root,
         jobs,
-        alive: with_engine,
+        alive: already_submitted,
         left: bundle.left,
     }))
 }
 
 /// The error of an engine that had accepted `count` shards before.
-fn after_others(error: CampaignError, count: usize) -> CampaignError {
+fn mention_accepted(error: CampaignError, count: usize) -> CampaignError {
     match error {
         CampaignError::Engine { engine, reason } if count > 0 => {
             let reason = format!("{reason}; it has {count} shards already: the same command later gives it the others");
@@ -232,9 +236,15 @@ fn after_others(error: CampaignError, count: usize) -> CampaignError {
 
 impl Cluster {
     /// The submission options for the folder `root`; options that the user leaves out keep their value in `before`.
-    fn after(&self, before: Option<Given>, points: usize, audit: f64, root: &Path) -> Result<Given, CampaignError> {
-        let of = self.shards.or(before.as_ref().map(|given| given.of));
-        let mut given = Given {
+    fn with_previous(
+        &self,
+        before: Option<EngineRecord>,
+        points: usize,
+        audit: f64,
+        root: &Path,
+    ) -> Result<EngineRecord, CampaignError> {
+        let of = self.shards.or(before.as_ref().map(|record| record.of));
+        let mut record = EngineRecord {
             engine: self.engine,
             version: String::new(),
             of: of.unwrap_or(16).min(points.max(1)),
@@ -243,28 +253,28 @@ impl Cluster {
             jobs: Vec::new(),
         };
         let Some(before) = before else {
-            return Ok(given);
+            return Ok(record);
         };
-        if (before.engine, before.of) != (given.engine, given.of) {
+        if (before.engine, before.of) != (record.engine, record.of) {
             let (had, of) = (before.engine.word(), before.of);
             return self.engine.refuse(format!(
                 "{} has {of} shards on {had}: go on with --on {had} --shards {of}, or name another folder with --out",
                 root.display(),
             ));
         }
-        given.jobs = before.jobs;
+        record.jobs = before.jobs;
         if audit == 0.0 {
-            given.audit = before.audit;
+            record.audit = before.audit;
         }
-        if given.args.is_empty() {
-            given.args = before.args;
+        if record.args.is_empty() {
+            record.args = before.args;
         }
-        Ok(given)
+        Ok(record)
     }
 }
 
 /// The existing bundle, if it is of this campaign. It is not changed: shards may run from it.
-fn known(root: &Path, identity: &Identity) -> Option<Bundle> {
+fn existing_bundle(root: &Path, identity: &Identity) -> Option<Bundle> {
     let root = root.join("bundle");
     let known = Identity::read(&root)
         .ok()
@@ -287,30 +297,30 @@ fn script(root: &Path, bundle: &Bundle, of: usize, audit: f64, options: &Options
     let text = format!(
         "#!/bin/sh\n# Runs shard $1 of this campaign. Started again it goes on where it was.\n\
          exec {} sweep run {} --shard \"$1/{of}\"{audit} --out {}/\"$1-of-{of}\" --workers {} --quiet\n",
-        quoted(&bundle.program),
-        quoted(&bundle.root),
-        quoted(&root.join("shards")),
+        shell_quoted(&bundle.program),
+        shell_quoted(&bundle.root),
+        shell_quoted(&root.join("shards")),
         options.workers.unwrap_or(1),
     );
     let path = root.join("shard.sh");
-    tape::write_atomic(&path, text).map_err(failed(&path, "write the file"))?;
+    tape::write_atomic(&path, text).map_err(io_error(&path, "write the file"))?;
     let mode = std::fs::Permissions::from_mode(0o755);
-    std::fs::set_permissions(&path, mode).map_err(failed(&path, "make the file executable"))?;
+    std::fs::set_permissions(&path, mode).map_err(io_error(&path, "make the file executable"))?;
     Ok(path)
 }
 
 /// State of the shards' folders.
 #[derive(Default)]
-struct Shards {
+struct ShardStates {
     /// Shards that are being run, whether the engine knows of them or not.
     running: BTreeSet<usize>,
     /// The folders of complete shards.
     complete: BTreeMap<usize, PathBuf>,
 }
 
-impl Shards {
-    fn read(root: &Path, identity: &Identity, of: usize, audit: f64) -> Result<Shards, CampaignError> {
-        let mut shards = Shards::default();
+impl ShardStates {
+    fn read(root: &Path, identity: &Identity, of: usize, audit: f64) -> Result<ShardStates, CampaignError> {
+        let mut shards = ShardStates::default();
         for part in parts(root)? {
             let Some(Shard { number, .. }) = part.identity.shard.filter(|shard| shard.of == of) else {
                 continue;
@@ -321,7 +331,7 @@ impl Shards {
                 State::Running(_) => {
                     shards.running.insert(number);
                 }
-                // Points that crashed are not given again: they may crash forever.
+                // Points that crashed are not submitted again: they may crash each time.
                 State::Complete | State::Stopped if whole && part.is_run() => {
                     shards.complete.insert(number, part.root);
                 }

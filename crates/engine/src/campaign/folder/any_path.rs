@@ -12,7 +12,7 @@ pub struct AnyPath(pub PathBuf);
 
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum Form {
+enum PathForm {
     Text(String),
     Bytes(Vec<u8>),
 }
@@ -28,9 +28,9 @@ impl Serialize for AnyPath {
 
 impl<'de> Deserialize<'de> for AnyPath {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<AnyPath, D::Error> {
-        Ok(AnyPath(match Form::deserialize(deserializer)? {
-            Form::Text(text) => text.into(),
-            Form::Bytes(bytes) => OsString::from_vec(bytes).into(),
+        Ok(AnyPath(match PathForm::deserialize(deserializer)? {
+            PathForm::Text(text) => text.into(),
+            PathForm::Bytes(bytes) => OsString::from_vec(bytes).into(),
         }))
     }
 }

@@ -10,7 +10,7 @@ use tape::Digest;
 use super::any_path::AnyPath;
 use crate::campaign::shards::shard::Shard;
 use crate::campaign::source::Source;
-use crate::campaign::until::Until;
+use crate::campaign::stopping_rule::Until;
 use crate::campaign::{Campaign, CampaignError, Column, Kind};
 use crate::scenario::{Changes, Scenario, ScenarioSpec};
 
@@ -71,7 +71,7 @@ pub struct Heading {
     whole: bool,
 }
 
-pub(crate) fn failed(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> CampaignError + use<> {
+pub(crate) fn io_error(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> CampaignError + use<> {
     let path = path.to_owned();
     move |source| CampaignError::Io { path, action, source }
 }
@@ -82,11 +82,11 @@ pub fn digest_of_scenario(spec: &ScenarioSpec) -> Digest {
 }
 
 /// A digest of several parts.
-pub(crate) struct Parts(blake3::Hasher);
+pub(crate) struct DigestBuilder(blake3::Hasher);
 
-impl Parts {
-    pub(crate) fn new(about: &str) -> Parts {
-        Parts(blake3::Hasher::new_derive_key(about))
+impl DigestBuilder {
+    pub(crate) fn new(about: &str) -> DigestBuilder {
+        DigestBuilder(blake3::Hasher::new_derive_key(about))
     }
 
     pub(crate) fn add(&mut self, bytes: &[u8]) {
@@ -102,11 +102,11 @@ impl Parts {
 /// Results of two builds of the program must not be in one table; nor results of a user's program before and after a
 /// change.
 fn digest_of_programs(scenario: &Scenario) -> Result<Digest, CampaignError> {
-    let mut parts = Parts::new("escapement campaign programs 1");
+    let mut parts = DigestBuilder::new("escapement campaign programs 1");
     let own = Path::new("/proc/self/exe");
     let others = scenario.programs().filter_map(|program| program.file());
     for program in std::iter::once(own).chain(others) {
-        let bytes = fs::read(program).map_err(failed(program, "read the program"))?;
+        let bytes = fs::read(program).map_err(io_error(program, "read the program"))?;
         parts.add(blake3::hash(&bytes).as_bytes());
     }
     Ok(parts.digest())
@@ -172,7 +172,7 @@ impl Identity {
 
     /// The digest of the campaign with only its first `count` points.
     pub(crate) fn digest_of(&self, campaign: &Campaign, count: usize) -> Digest {
-        let mut parts = Parts::new("escapement campaign 2");
+        let mut parts = DigestBuilder::new("escapement campaign 2");
         parts.add(self.program.as_bytes());
         parts.add(self.content.as_bytes());
         if let Some(source) = &self.source {
@@ -205,7 +205,7 @@ impl Identity {
             Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
                 return Err(refuse("is no campaign's folder: it has no campaign.json".into()));
             }
-            Err(error) => return Err(failed(&path, "read the file")(error)),
+            Err(error) => return Err(io_error(&path, "read the file")(error)),
         };
         serde_json::from_str(&text).map_err(|error| {
             refuse(format!(
@@ -225,24 +225,26 @@ impl Identity {
     }
 
     /// The digests that determine the points besides their number.
-    fn made_of(&self) -> (Digest, Digest, Option<Digest>) {
+    fn input_digests(&self) -> (Digest, Digest, Option<Digest>) {
         let source = self.source.as_ref().map(|source| source.digest);
         (self.program, self.content, source)
     }
 
-    /// Whether `other` is the same campaign, be it with more or fewer points, or a shard of it.
-    pub(crate) fn is_same_but_for_points(&self, other: &Identity) -> bool {
+    /// Whether `other` is the same campaign, with more or fewer points, or a shard of it.
+    pub(crate) fn is_same_except_points(&self, other: &Identity) -> bool {
         let headings = |one: &Identity| {
             one.columns
                 .iter()
                 .map(|heading| heading.name.clone())
                 .collect::<Vec<_>>()
         };
-        self.made_of() == other.made_of() && self.digests == other.digests && headings(self) == headings(other)
+        self.input_digests() == other.input_digests()
+            && self.digests == other.digests
+            && headings(self) == headings(other)
     }
 
-    /// In words: `200 points of `close`, digest 0123456789…`
-    pub(crate) fn words(&self) -> String {
+    /// A summary as text: `200 points of `close`, digest 0123456789…`
+    pub(crate) fn summary(&self) -> String {
         let digest = self.digest.to_string();
         let shard = self.shard.map_or(String::new(), |shard| format!("shard {shard} of "));
         format!(
@@ -254,11 +256,11 @@ impl Identity {
     }
 
     /// Checks whether the folder of this campaign may become that of `wanted`: the same campaign, or one that has grown.
-    pub(crate) fn may_become(&self, wanted: &Identity, campaign: &Campaign) -> Result<(), String> {
+    pub(crate) fn check_can_become(&self, wanted: &Identity, campaign: &Campaign) -> Result<(), String> {
         let another = |why: &str| {
             Err(format!(
                 "is of another campaign ({}): {why}; name a new folder with --out",
-                self.words()
+                self.summary()
             ))
         };
         if self.shard != wanted.shard {
@@ -275,7 +277,7 @@ impl Identity {
         if self.points < wanted.points && self.digest == wanted.digest_of(campaign, self.points) {
             return Ok(());
         }
-        let same = self.made_of() == wanted.made_of();
+        let same = self.input_digests() == wanted.input_digests();
         if same && self.points < wanted.points && self.source.as_ref().is_some_and(|source| !source.grows) {
             return Err(format!(
                 "has {} points of a Latin hypercube, and the number of points is part of every draw: it cannot become one of {}; name a new \
@@ -301,7 +303,7 @@ impl Identity {
             )
         } else if self.content != other.content {
             "the scenario or a file of it is not the same".to_owned()
-        } else if self.made_of() != other.made_of() {
+        } else if self.input_digests() != other.input_digests() {
             "the campaign file is not the same".to_owned()
         } else if self.digests != other.digests {
             "only one of them has the digests of the tapes (--digest)".to_owned()
@@ -340,7 +342,7 @@ impl Campaign {
     }
 
     /// A campaign whose points are still to be filled in.
-    pub(crate) fn blank(identity: &Identity) -> Campaign {
+    pub(crate) fn without_points(identity: &Identity) -> Campaign {
         Campaign {
             kind: identity.kind,
             scenario: identity.file.0.clone(),

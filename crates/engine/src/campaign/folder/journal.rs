@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::identity::failed;
+use super::identity::io_error;
 use crate::campaign::CampaignError;
 use crate::campaign::workers::point::Result as PointResult;
 
@@ -15,7 +15,7 @@ pub type Values = serde_json::Map<String, serde_json::Value>;
 
 /// A line of the journal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct JournalEntry {
     /// From 1.
     pub point: usize,
     /// The labels of the point, by column.
@@ -53,15 +53,16 @@ pub(crate) struct Journal {
 
 impl Journal {
     /// Opens the journal of the folder `root` behind its last complete line; `take` gets each entry in it.
-    pub(crate) fn open(root: &Path, take: impl FnMut(Entry)) -> Result<Journal, CampaignError> {
+    pub(crate) fn open(root: &Path, visit: impl FnMut(JournalEntry)) -> Result<Journal, CampaignError> {
         let path = path(root);
-        let good = each(&path, take)?;
+        let complete_bytes = for_each_entry(&path, visit)?;
         let file = OpenOptions::new()
             .create(true)
             .append(true)
             .open(&path)
-            .map_err(failed(&path, "open the file"))?;
-        file.set_len(good).map_err(failed(&path, "shorten the file"))?;
+            .map_err(io_error(&path, "open the file"))?;
+        file.set_len(complete_bytes)
+            .map_err(io_error(&path, "shorten the file"))?;
         Ok(Journal {
             path,
             file,
@@ -71,14 +72,14 @@ impl Journal {
 
     /// Appends a result of this machine for the point with these values; it has been handed to the operating system when
     /// this returns.
-    pub(crate) fn add(
+    pub(crate) fn append(
         &self,
         point: usize,
         values: Values,
         audit: bool,
         result: &PointResult,
     ) -> Result<(), CampaignError> {
-        self.put(&Entry {
+        self.append_entry(&JournalEntry {
             point,
             values,
             node: self.node.clone(),
@@ -88,45 +89,47 @@ impl Journal {
     }
 
     /// Appends a line.
-    pub(crate) fn put(&self, entry: &Entry) -> Result<(), CampaignError> {
+    pub(crate) fn append_entry(&self, entry: &JournalEntry) -> Result<(), CampaignError> {
         let line = serde_json::to_string(entry).unwrap_or_default() + "\n";
         (&self.file)
             .write_all(line.as_bytes())
-            .map_err(failed(&self.path, "write the file"))
+            .map_err(io_error(&self.path, "write the file"))
     }
 }
 
 /// Passes on the entries of the journal at `path` up to the last complete line; returns the length up to there, bytes. A
 /// missing file is an empty journal.
-pub(crate) fn each(path: &Path, mut take: impl FnMut(Entry)) -> Result<u64, CampaignError> {
+pub(crate) fn for_each_entry(path: &Path, mut visit: impl FnMut(JournalEntry)) -> Result<u64, CampaignError> {
     let file = match fs::File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(0),
-        Err(error) => return Err(failed(path, "read the file")(error)),
+        Err(error) => return Err(io_error(path, "read the file")(error)),
     };
-    let (mut reader, mut line, mut good) = (BufReader::with_capacity(1 << 16, file), Vec::new(), 0);
+    let (mut reader, mut line, mut complete_bytes) = (BufReader::with_capacity(1 << 16, file), Vec::new(), 0);
     let mut number = 0_usize;
     loop {
         line.clear();
         let length = reader
             .read_until(b'\n', &mut line)
-            .map_err(failed(path, "read the file"))?;
+            .map_err(io_error(path, "read the file"))?;
         number += 1;
         if !line.ends_with(b"\n") {
-            return Ok(good);
+            return Ok(complete_bytes);
         }
         let entry = match serde_json::from_slice(&line) {
             Ok(entry) => entry,
-            // The last line, which a machine that died had not written whole.
-            Err(_) if reader.fill_buf().map_err(failed(path, "read the file"))?.is_empty() => return Ok(good),
+            // The last line, written incompletely when the machine failed.
+            Err(_) if reader.fill_buf().map_err(io_error(path, "read the file"))?.is_empty() => {
+                return Ok(complete_bytes);
+            }
             Err(error) => {
                 let what =
                     format!("line {number} is no result, and there are results behind it ({error}): remove the line");
-                return Err(failed(path, "read the file")(io::Error::other(what)));
+                return Err(io_error(path, "read the file")(io::Error::other(what)));
             }
         };
-        good += length as u64;
-        take(entry);
+        complete_bytes += length as u64;
+        visit(entry);
     }
 }
 
@@ -136,11 +139,11 @@ mod tests {
     use crate::campaign::Outcome;
 
     #[test]
-    fn torn_journal_gives_its_whole_lines_and_goes_on_behind_them() {
+    fn torn_journal_keeps_whole_lines_and_appends_after_them() {
         let root = std::env::temp_dir().join(format!("campaign-journal-{}", std::process::id()));
         fs::create_dir_all(&root).unwrap();
         let line = |point, audit| {
-            let entry = Entry {
+            let entry = JournalEntry {
                 point,
                 values: Values::new(),
                 node: "a".into(),
@@ -155,11 +158,11 @@ mod tests {
         let journal = Journal::open(&root, |entry| read.push((entry.point, entry.audit))).unwrap();
         assert_eq!(read, [(2, false), (9, true)]);
         journal
-            .add(3, Values::new(), false, &PointResult::without(Outcome::Refused, ""))
+            .append(3, Values::new(), false, &PointResult::without(Outcome::Refused, ""))
             .unwrap();
         read.clear();
         let mut node = String::new();
-        each(&path(&root), |entry| {
+        for_each_entry(&path(&root), |entry| {
             read.push((entry.point, entry.audit));
             node = entry.node;
         })
@@ -167,13 +170,16 @@ mod tests {
         assert_eq!(read, [(2, false), (9, true), (3, false)]);
         // A line of which nothing can be read loses no result behind it.
         fs::write(path(&root), line(2, false) + "garbage\n" + &line(9, true)).unwrap();
-        let refused = each(&path(&root), |_| {}).unwrap_err().to_string();
+        let refused = for_each_entry(&path(&root), |_| {}).unwrap_err().to_string();
         assert!(
             refused.contains("results.jsonl") && refused.contains("line 2"),
             "{refused}"
         );
         fs::write(path(&root), line(2, false) + "garbage\n").unwrap();
-        assert_eq!(each(&path(&root), |_| {}).unwrap(), line(2, false).len() as u64);
+        assert_eq!(
+            for_each_entry(&path(&root), |_| {}).unwrap(),
+            line(2, false).len() as u64
+        );
         assert!(!node.is_empty() && node != "a", "{node}");
         fs::remove_dir_all(&root).unwrap();
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::str::FromStr;
 
-use crate::campaign::figures::{Figures, Nearness, Number};
+use crate::campaign::figures::{Figures, LimitUsage, Number};
 use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// A selection of the points of a campaign.
@@ -38,7 +38,11 @@ impl FromStr for Keep {
 
 /// The points (from 0) that `keep` selects. The worst are those with the greatest `figure`, or the least where it has a
 /// lower limit only; without `figure`, those closest to a limit or furthest beyond it.
-pub(crate) fn kept(keep: &[Keep], results: &[Option<PointResult>], figure: Option<&Number>) -> BTreeSet<usize> {
+pub(crate) fn selected_points(
+    keep: &[Keep],
+    results: &[Option<PointResult>],
+    figure: Option<&Number>,
+) -> BTreeSet<usize> {
     let mut points = BTreeSet::new();
     for keep in keep {
         let all = results.iter().enumerate();
@@ -47,15 +51,15 @@ pub(crate) fn kept(keep: &[Keep], results: &[Option<PointResult>], figure: Optio
         // A point that was refused has no run folder.
         match keep {
             Keep::All => points.extend(some(|outcome| outcome != Outcome::Refused).map(|(at, _)| at)),
-            Keep::Failed => points.extend(some(failed).map(|(at, _)| at)),
+            Keep::Failed => points.extend(some(is_failed).map(|(at, _)| at)),
             Keep::NotMet => {
-                points.extend(some(|outcome| failed(outcome) || outcome == Outcome::NotMet).map(|(at, _)| at));
+                points.extend(some(|outcome| is_failed(outcome) || outcome == Outcome::NotMet).map(|(at, _)| at));
             }
             Keep::Worst(count) => {
                 let ran = some(Outcome::ran)
-                    .filter_map(|(at, result)| Some((badness(result.figures.as_ref()?, figure)?, at)));
-                let mut ran: Vec<(Nearness, usize)> = ran.collect();
-                ran.sort_by(|a, b| b.0.order(&a.0).then(a.1.cmp(&b.1)));
+                    .filter_map(|(at, result)| Some((severity(result.figures.as_ref()?, figure)?, at)));
+                let mut ran: Vec<(LimitUsage, usize)> = ran.collect();
+                ran.sort_by(|a, b| b.0.cmp_severity(&a.0).then(a.1.cmp(&b.1)));
                 points.extend(ran.iter().take(*count).map(|(_, at)| *at));
             }
         }
@@ -63,22 +67,22 @@ pub(crate) fn kept(keep: &[Keep], results: &[Option<PointResult>], figure: Optio
     points
 }
 
-fn failed(outcome: Outcome) -> bool {
+fn is_failed(outcome: Outcome) -> bool {
     matches!(outcome, Outcome::Failed | Outcome::Crashed)
 }
 
-/// The badness of a point: larger is worse, and a figure that was not measured is worst. `None` where nothing can be
+/// The severity of a point's result: larger is worse, and a figure that was not measured is worst. `None` where nothing can be
 /// compared.
-fn badness(figures: &Figures, figure: Option<&Number>) -> Option<Nearness> {
-    let value = |number: &Number| Nearness::of_value(figures.value(&number.key));
+fn severity(figures: &Figures, figure: Option<&Number>) -> Option<LimitUsage> {
+    let value = |number: &Number| LimitUsage::of_value(figures.value(&number.key));
     let Some(figure) = figure else {
-        let judged = figures.nearest().map(|(near, _)| near);
+        let judged = figures.most_critical().map(|(usage, _)| usage);
         return judged.or_else(|| figures.numbers().next().as_ref().map(value));
     };
     let own = figures.criteria.iter().find(|criterion| criterion.name == figure.name);
-    let lowest = own.is_some_and(|criterion| criterion.limit.is_none() && criterion.at_least.is_some());
+    let lower_is_worse = own.is_some_and(|criterion| criterion.limit.is_none() && criterion.at_least.is_some());
     let value = figures.value(&figure.key);
-    Some(Nearness::of_value(if lowest {
+    Some(LimitUsage::of_value(if lower_is_worse {
         value.map(|value| -value)
     } else {
         value
@@ -118,11 +122,13 @@ mod tests {
     }
 
     fn of(keep: &str, results: &[Option<PointResult>]) -> Vec<usize> {
-        kept(&[keep.parse().unwrap()], results, None).into_iter().collect()
+        selected_points(&[keep.parse().unwrap()], results, None)
+            .into_iter()
+            .collect()
     }
 
     #[test]
-    fn worst_points_are_those_closest_to_their_limits() {
+    fn keep_worst_selects_points_closest_to_limits() {
         let most = |value| point(Outcome::Met, value, Some(2.0), None);
         let results = [most(Some(1.0)), most(Some(3.0)), None, most(Some(1.5)), most(Some(1.5))];
         assert_eq!(of("worst:1", &results), [1]);
@@ -155,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn failed_points_are_those_that_did_not_end() {
+    fn keep_failed_selects_points_that_did_not_end() {
         let outcomes = [
             Outcome::Met,
             Outcome::NotMet,
@@ -170,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn other_words_are_refused() {
+    fn keep_selection_rejects_unknown_text() {
         for text in ["worst", "worst:0", "worst:x", "best:3", ""] {
             let error = text.parse::<Keep>().unwrap_err();
             assert!(error.contains("worst:10"), "{error}");

@@ -1,7 +1,7 @@
 //! The folder of a campaign: identity, journal, table, and the points whose runs are kept.
 
 pub(super) mod any_path;
-pub(super) mod claim;
+pub(super) mod campaign_folder;
 pub(super) mod identity;
 pub(super) mod journal;
 pub(super) mod keep;

@@ -7,12 +7,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::any_path::AnyPath;
-use super::identity::{Identity, failed};
+use super::identity::{Identity, io_error};
 use crate::campaign::{Campaign, CampaignError};
 
 /// A line of `points.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct PointRow {
     /// From 1.
     pub point: usize,
     /// Its changes.
@@ -56,23 +56,23 @@ impl Identity {
     /// Writes the points that belong to the folder `root` and its identity.
     pub(crate) fn write(&self, root: &Path, campaign: &Campaign) -> Result<(), CampaignError> {
         let path = root.join(FILE);
-        tape::write_atomic(&path, self.rows(campaign)).map_err(failed(&path, "write the file"))?;
+        tape::write_atomic(&path, self.rows(campaign)).map_err(io_error(&path, "write the file"))?;
         // The points first: a folder with this file is guaranteed to have them.
         let path = root.join("campaign.json");
         let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
-        tape::write_atomic(&path, text).map_err(failed(&path, "write the file"))
+        tape::write_atomic(&path, text).map_err(io_error(&path, "write the file"))
     }
 
     /// Whether the folder `root` has exactly these points.
     pub(crate) fn has_rows(&self, root: &Path, campaign: &Campaign) -> bool {
-        fs::read(root.join(FILE)).is_ok_and(|there| there == self.rows(campaign))
+        fs::read(root.join(FILE)).is_ok_and(|bytes| bytes == self.rows(campaign))
     }
 
     /// Checks that the points in the folder `root`, which fill `campaign`, are all there: a point without its row would
     /// run without its changes.
-    fn all_there(&self, root: &Path, there: &[bool]) -> Result<(), CampaignError> {
+    fn check_all_present(&self, root: &Path, present: &[bool]) -> Result<(), CampaignError> {
         let belongs = |at: &usize| self.owns(*at) || self.audits(*at);
-        let missing = (0..self.points).filter(belongs).filter(|at| !there[*at]);
+        let missing = (0..self.points).filter(belongs).filter(|at| !present[*at]);
         let missing: Vec<usize> = missing.map(|at| at + 1).collect();
         let Some(first) = missing.first() else { return Ok(()) };
         let more = match missing.len() {
@@ -86,7 +86,7 @@ impl Identity {
     }
 
     /// Checks that `campaign` has the points that the digest in `campaign.json` is of; they were read from `places`.
-    pub(crate) fn same_points(&self, places: &str, campaign: &Campaign) -> Result<(), String> {
+    pub(crate) fn check_points_digest(&self, places: &str, campaign: &Campaign) -> Result<(), String> {
         if self.digest_of(campaign, self.points) == self.digest {
             return Ok(());
         }
@@ -99,8 +99,8 @@ impl Identity {
 
 impl Campaign {
     /// The row of point `at` (from 0) in its folder.
-    fn row(&self, at: usize) -> Row {
-        Row {
+    fn row(&self, at: usize) -> PointRow {
+        PointRow {
             point: at + 1,
             changes: self.points[at].clone(),
             texts: self.columns.iter().map(|column| column.texts[at].clone()).collect(),
@@ -117,11 +117,11 @@ impl Campaign {
     ///
     /// # Errors
     /// When the file is damaged, or lacks a point of the folder.
-    pub(crate) fn fill(&mut self, root: &Path, identity: &Identity) -> Result<(), CampaignError> {
-        let mut there = vec![false; self.points.len()];
+    pub(crate) fn read_points(&mut self, root: &Path, identity: &Identity) -> Result<(), CampaignError> {
+        let mut present = vec![false; self.points.len()];
         let with_numbers = self.columns.iter().filter(|column| column.numbers.is_some()).count();
         let widths = (self.columns.len(), with_numbers);
-        each_row(root, |row| {
+        for_each_row(root, |row| {
             if (row.texts.len(), row.numbers.len()) != widths {
                 return Err("has other columns than campaign.json names".to_owned());
             }
@@ -129,7 +129,7 @@ impl Campaign {
             let Some(at) = row.point.checked_sub(1).filter(|at| *at < self.points.len()) else {
                 return Ok(());
             };
-            there[at] = true;
+            present[at] = true;
             let mut numbers = row.numbers.into_iter();
             for (column, text) in self.columns.iter_mut().zip(row.texts) {
                 if let Some(whole) = &mut column.whole {
@@ -147,7 +147,7 @@ impl Campaign {
         })?;
         self.refused.sort();
         self.refused.dedup();
-        identity.all_there(root, &there)
+        identity.check_all_present(root, &present)
     }
 
     /// The campaign whose folder is `root`, with the points that the folder is for; and the identity of the folder.
@@ -156,16 +156,16 @@ impl Campaign {
     /// When it is not a campaign's folder, or does not have the points that it was made for.
     pub fn of_folder(root: &Path) -> Result<(Campaign, Identity), CampaignError> {
         let identity = Identity::read(root)?;
-        let mut campaign = Campaign::blank(&identity);
+        let mut campaign = Campaign::without_points(&identity);
         // In a bundle the path is relative to the bundle; elsewhere it is absolute.
         campaign.scenario = root.join(&campaign.scenario);
         if let Some(source) = &mut campaign.source {
             source.file = AnyPath(root.join(&source.file.0));
         }
-        campaign.fill(root, &identity)?;
+        campaign.read_points(root, &identity)?;
         // A shard has only its own points, and the digest is of all of them: `merge` compares it.
         if identity.shard.is_none() {
-            let same = identity.same_points("it", &campaign);
+            let same = identity.check_points_digest("it", &campaign);
             same.map_err(|reason| refusal(root, reason))?;
         }
         Ok((campaign, identity))
@@ -173,13 +173,13 @@ impl Campaign {
 }
 
 /// Passes on the rows of the folder `root`; `take` returns what is wrong with a row.
-fn each_row(root: &Path, mut take: impl FnMut(Row) -> Result<(), String>) -> Result<(), CampaignError> {
+fn for_each_row(root: &Path, mut visit: impl FnMut(PointRow) -> Result<(), String>) -> Result<(), CampaignError> {
     let path = root.join(FILE);
     let file = fs::File::open(&path).map_err(|error| refusal(root, format!("cannot be read ({error}): {REMEDY}")))?;
     for (number, line) in BufReader::new(file).split(b'\n').enumerate() {
-        let line = line.map_err(failed(&path, "read the file"))?;
+        let line = line.map_err(io_error(&path, "read the file"))?;
         let row = serde_json::from_slice(&line).map_err(|error| format!("is no row of a point ({error})"));
-        row.and_then(&mut take)
+        row.and_then(&mut visit)
             .map_err(|wrong| refusal(root, format!("line {} {wrong}: {REMEDY}", number + 1)))?;
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! Recall of a point of an existing campaign, to run it again alone.
+//! A point of an existing campaign, read from its folder to run it again alone.
 
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
@@ -27,16 +27,16 @@ pub struct Recalled {
 }
 
 impl Recalled {
-    /// Reads the point that `place` names as `FOLDER:NUMBER`.
+    /// Reads the point that `argument` names as `FOLDER:NUMBER`.
     ///
     /// # Errors
     /// When the folder is not a campaign's, or does not have the point.
-    pub fn read(place: &Path) -> Result<Recalled, CampaignError> {
+    pub fn read(argument: &Path) -> Result<Recalled, CampaignError> {
         let refuse = |path: &Path, reason: String| CampaignError::Folder {
             path: path.to_owned(),
             reason,
         };
-        let bytes = place.as_os_str().as_bytes();
+        let bytes = argument.as_os_str().as_bytes();
         let colon = bytes.iter().rposition(|byte| *byte == b':');
         let read = |colon: usize| -> Option<(&Path, usize)> {
             let number = std::str::from_utf8(&bytes[colon + 1..]).ok()?.parse().ok()?;
@@ -44,7 +44,7 @@ impl Recalled {
         };
         let Some((root, point)) = colon.and_then(read) else {
             let reason = "names no point: write FOLDER:NUMBER, such as sweeps/close-0123456789:137".into();
-            return Err(refuse(place, reason));
+            return Err(refuse(argument, reason));
         };
         let (campaign, identity) = Campaign::of_folder(root)?;
         let owned = |at: &usize| *at < identity.points && identity.owns(*at);
@@ -64,7 +64,7 @@ impl Recalled {
             return Err(refuse(root, format!("point {point} cannot be run: {reason}")));
         }
         let mut result = None;
-        journal::each(&journal::path(root), |entry| {
+        journal::for_each_entry(&journal::path(root), |entry| {
             if entry.point == point && !entry.audit {
                 result = Some(entry.result);
             }

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::claim::{Holder, holder};
+use super::campaign_folder::{Holder, holder};
 use super::identity::Identity;
 use super::journal;
 use crate::campaign::CampaignError;
 use crate::campaign::figures::Figures;
-use crate::campaign::until::Until;
+use crate::campaign::stopping_rule::Until;
 use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// A folder of a campaign and its progress.
@@ -66,7 +66,7 @@ impl Part {
         self.outcomes.get(outcome.word()).copied().unwrap_or(0)
     }
 
-    /// Whether every point was run, be it that it crashed: running it again may change nothing.
+    /// Whether every point was run, including those that crashed: running them again may change nothing.
     pub fn is_run(&self) -> bool {
         self.done() + self.crashed() == self.own && self.audits.0 == self.audits.1
     }
@@ -94,14 +94,14 @@ impl Part {
     fn read(root: &Path, identity: Identity, points: usize) -> Result<Part, CampaignError> {
         let audits = |at: usize| identity.audits(at);
         let mut results: Vec<Option<PointResult>> = vec![None; points];
-        let mut twice = vec![false; points];
+        let mut audited = vec![false; points];
         let mut nodes = Vec::new();
-        journal::each(&journal::path(root), |entry| {
+        journal::for_each_entry(&journal::path(root), |entry| {
             let Some(at) = entry.point.checked_sub(1).filter(|at| *at < points) else {
                 return;
             };
             if entry.audit {
-                twice[at] |= audits(at) && entry.result.outcome != Outcome::Crashed;
+                audited[at] |= audits(at) && entry.result.outcome != Outcome::Crashed;
             } else if identity.owns(at) {
                 results[at] = Some(entry.result);
             }
@@ -116,7 +116,7 @@ impl Part {
             outcomes: BTreeMap::new(),
             nodes,
             audits: (
-                twice.iter().filter(|twice| **twice).count(),
+                audited.iter().filter(|audited| **audited).count(),
                 all.filter(|at| audits(*at)).count(),
             ),
             enough: None,
@@ -127,7 +127,11 @@ impl Part {
         for result in results.iter().flatten() {
             *part.outcomes.entry(result.outcome.word()).or_default() += 1;
         }
-        part.enough = part.identity.until.as_ref().and_then(|until| enough(until, results));
+        part.enough = part
+            .identity
+            .until
+            .as_ref()
+            .and_then(|until| points_until_enough(until, results));
         if let Some(holder) = holder(root) {
             part.state = State::Running(holder);
         } else if part.enough.is_some() || (part.is_run() && part.crashed() == 0) {
@@ -138,14 +142,14 @@ impl Part {
 }
 
 /// The number of points, from the first on, with which the rule `until` ends a campaign that has the results `results`.
-fn enough(until: &Until, mut results: Vec<Option<PointResult>>) -> Option<usize> {
+fn points_until_enough(until: &Until, mut results: Vec<Option<PointResult>>) -> Option<usize> {
     for result in &mut results {
         // A point that crashed is run again.
         result.take_if(|one| one.outcome == Outcome::Crashed);
     }
     let figures = results.iter().flatten().find_map(|result| result.figures.as_ref());
     let known = figures.map_or(Vec::new(), Figures::ordered);
-    until.watch(&known).ok()?.look(&results)
+    until.watch(&known).ok()?.evaluate(&results)
 }
 
 /// Every folder of a campaign in `root`: `root` itself, or those of shards in it or in its folder `shards`, by their
@@ -156,15 +160,15 @@ fn enough(until: &Until, mut results: Vec<Option<PointResult>>) -> Option<usize>
 pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
     let mut shards = Vec::new();
     for folder in [root.to_owned(), root.join("shards")] {
-        let mut below: Vec<PathBuf> = fs::read_dir(&folder)
+        let mut subfolders: Vec<PathBuf> = fs::read_dir(&folder)
             .into_iter()
             .flatten()
             .flatten()
             .map(|entry| entry.path())
             .filter(|path| path.join("campaign.json").is_file())
             .collect();
-        below.sort();
-        for path in below {
+        subfolders.sort();
+        for path in subfolders {
             let identity = Identity::read(&path)?;
             if identity.shard.is_some() {
                 shards.push((path, identity));
@@ -173,7 +177,7 @@ pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
     }
     shards.sort_by_key(|(_, identity)| identity.shard.map(|shard| (shard.of, shard.number)));
     // The whole campaign has its own results after merging, or where it has no shards.
-    let merged = fs::metadata(journal::path(root)).is_ok_and(|about| about.len() > 0);
+    let merged = fs::metadata(journal::path(root)).is_ok_and(|metadata| metadata.len() > 0);
     let whole = if shards.is_empty() || merged || root.join("campaign.json").is_file() {
         Some(Identity::read(root)?)
     } else {
@@ -182,7 +186,7 @@ pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
     // A shard that was not started again since the campaign grew lacks points that its own folder does not know of.
     let known = || whole.iter().chain(shards.iter().map(|(_, identity)| identity));
     let grown = |one: &Identity| {
-        let same = known().filter(|other| other.is_same_but_for_points(one));
+        let same = known().filter(|other| other.is_same_except_points(one));
         same.map(|other| other.points).max().unwrap_or(one.points)
     };
     let listed = shards.iter().map(|(path, identity)| (path.as_path(), identity));

@@ -17,7 +17,7 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
         let cells = match (&column.whole, &column.numbers) {
             (Some(whole), _) => Cells::Whole(whole.clone()),
             // Whole numbers beyond 63 bits are written as given.
-            (None, Some(numbers)) if !column.beyond_whole() => {
+            (None, Some(numbers)) if !column.exceeds_i64() => {
                 Cells::Number(numbers.iter().copied().map(Some).collect())
             }
             (None, _) => Cells::Text(column.texts.iter().cloned().map(Some).collect()),

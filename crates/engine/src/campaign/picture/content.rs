@@ -6,7 +6,7 @@ use report::figures::Shade;
 
 use crate::campaign::Column;
 use crate::campaign::figures::Number;
-use crate::campaign::tell::good_word;
+use crate::campaign::summary::good_word;
 use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// What to draw.
@@ -29,7 +29,7 @@ impl Picture<'_> {
     }
 
     /// Whether the figure shown has a lower limit and no upper one.
-    pub(crate) fn lowest(&self) -> bool {
+    pub(crate) fn lower_is_worse(&self) -> bool {
         let figures = self.results.iter().flatten().find_map(|result| result.figures.as_ref());
         let criteria = figures.map_or(&[][..], |figures| &figures.criteria);
         let own = criteria
@@ -41,11 +41,11 @@ impl Picture<'_> {
 
 /// Points that share a position of the picture.
 #[derive(Debug, Default, Clone)]
-pub(crate) struct Place<'a> {
+pub(crate) struct PlotPosition<'a> {
     pub(crate) results: Vec<Option<&'a PointResult>>,
 }
 
-impl Place<'_> {
+impl PlotPosition<'_> {
     pub(crate) fn shade(&self) -> Shade {
         let known: Vec<&&PointResult> = self.results.iter().flatten().collect();
         if known.len() < self.results.len() {
@@ -60,15 +60,15 @@ impl Place<'_> {
     }
 
     /// The worst value of a figure: the greatest, or the least where it has a lower limit only.
-    pub(crate) fn worst(&self, lowest: bool, of: impl Fn(&PointResult) -> Option<f64>) -> Option<f64> {
+    pub(crate) fn worst(&self, lower_is_worse: bool, of: impl Fn(&PointResult) -> Option<f64>) -> Option<f64> {
         let values = self.results.iter().flatten().filter_map(|result| of(result));
-        let worse = if lowest { f64::min } else { f64::max };
+        let worse = if lower_is_worse { f64::min } else { f64::max };
         values.filter(|value| value.is_finite()).reduce(worse)
     }
 }
 
 /// The name of a column as an axis label.
-pub(crate) fn label(column: &Column) -> String {
+pub(crate) fn axis_label(column: &Column) -> String {
     if column.unit.is_empty() {
         column.name.clone()
     } else {
@@ -77,7 +77,7 @@ pub(crate) fn label(column: &Column) -> String {
 }
 
 /// The number of each value.
-pub(crate) fn numbered<'a>(values: &[&'a String]) -> BTreeMap<&'a String, usize> {
+pub(crate) fn index_by_value<'a>(values: &[&'a String]) -> BTreeMap<&'a String, usize> {
     values
         .iter()
         .enumerate()

@@ -3,14 +3,14 @@
 use report::figures::Drawing;
 
 use super::content::Picture;
-use super::over_one::over_one;
-use super::over_two::over_two;
-use super::spread;
+use super::distribution;
+use super::one_key::chart_over_one_key;
+use super::two_keys::map_over_two_keys;
 use crate::campaign::Column;
-use crate::campaign::tell::distinct;
+use crate::campaign::summary::distinct;
 
 /// Maximum number of positions along one side of a picture; with more no picture is drawn.
-const PLACES_MAX: usize = 2000;
+const POSITIONS_MAX: usize = 2000;
 
 /// The picture: a chart over one varied key, a map over two. Further varied keys, and the seed beside another key, are
 /// folded: a position is met when all of its points are met, and shows the worst. Where hardly two points share a value, as
@@ -27,13 +27,15 @@ pub fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     if shown.is_empty() {
         shown.extend(varied.first());
     }
-    let places: Vec<usize> = shown.iter().map(|column| distinct(&column.texts).len()).collect();
-    // Drawn values hardly ever repeat, and make no map.
-    let apart = places.len() == 2 && places[0] * places[1] > 4 * picture.results.len();
+    let positions: Vec<usize> = shown.iter().map(|column| distinct(&column.texts).len()).collect();
+    // Random samples hardly ever repeat, so that there is no grid for a map.
+    let is_scattered = positions.len() == 2 && positions[0] * positions[1] > 4 * picture.results.len();
     match shown[..] {
-        [_, ..] if apart || places.iter().any(|count| *count > PLACES_MAX) => spread::draw(picture),
-        [x] => Some(over_one(picture, x)),
-        [x, y] => Some(over_two(picture, x, y)),
+        [_, ..] if is_scattered || positions.iter().any(|count| *count > POSITIONS_MAX) => {
+            distribution::draw_distribution(picture)
+        }
+        [x] => Some(chart_over_one_key(picture, x)),
+        [x, y] => Some(map_over_two_keys(picture, x, y)),
         _ => None,
     }
 }

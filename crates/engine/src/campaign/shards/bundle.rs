@@ -12,9 +12,9 @@ use toml::{Table, Value};
 use crate::Catalogue;
 use crate::campaign::file::CampaignFile;
 use crate::campaign::folder::any_path::AnyPath;
-use crate::campaign::folder::identity::{Identity, failed};
+use crate::campaign::folder::identity::{Identity, io_error};
 use crate::campaign::{Campaign, CampaignError};
-use crate::scenario::{Named, RunSpec, Scenario, each_in, each_named, value};
+use crate::scenario::{FileReference, RunSpec, Scenario, value, visit_file_references, visit_file_references_at};
 
 /// A bundle: its contents, and what it lacks.
 #[derive(Debug)]
@@ -52,12 +52,12 @@ pub fn bundle(
     if root.join("campaign.json").exists() {
         let known = Identity::read(root)?;
         known
-            .may_become(&identity, campaign)
+            .check_can_become(&identity, campaign)
             .map_err(|reason| refuse(root, reason))?;
     } else if fs::read_dir(root).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(refuse(root, "is not empty and no bundle: name a new folder"));
     }
-    let mut contents = Contents::new(&campaign.scenario)?;
+    let mut contents = BundleContents::new(&campaign.scenario)?;
     contents.scenario(&campaign.scenario)?;
     if let Some(source) = &campaign.source {
         contents.campaign_file(&source.file.0)?;
@@ -74,8 +74,8 @@ pub fn bundle(
         contents.change(change, false);
     }
     for path in include {
-        let from = std::path::absolute(path).map_err(failed(path, "find the file"))?;
-        contents.bring(&from);
+        let from = std::path::absolute(path).map_err(io_error(path, "find the file"))?;
+        contents.add(&from);
     }
     // Written completely under another name first: a partial bundle never looks like a complete one.
     let mut draft = root.as_os_str().to_owned();
@@ -83,35 +83,35 @@ pub fn bundle(
     let draft = PathBuf::from(draft);
     let _ = fs::remove_dir_all(&draft);
     contents.write(&draft)?;
-    let own = fs::read_link("/proc/self/exe").map_err(failed(Path::new("/proc/self/exe"), "find the program"))?;
+    let own = fs::read_link("/proc/self/exe").map_err(io_error(Path::new("/proc/self/exe"), "find the program"))?;
     let program = Path::new("bin").join(own.file_name().unwrap_or_default());
     copy(Path::new("/proc/self/exe"), &draft.join(&program))?;
-    identity.file = AnyPath(contents.place(&contents.folder.join(&contents.name)));
+    identity.file = AnyPath(contents.bundle_path(&contents.folder.join(&contents.name)));
     if let Some(source) = &mut identity.source {
-        source.file = AnyPath(contents.place(&source.file.0));
+        source.file = AnyPath(contents.bundle_path(&source.file.0));
     }
     // A participant that is substituted in all points does not need its own program.
     let replaced = |one: &str| {
         let mut names = changes.substitutes.iter().map(|(name, _)| name);
         names.any(|name| one.starts_with(&format!("participants.{name}.run=")))
     };
-    let moved: Vec<String> = contents.changes.into_iter().filter(|one| !replaced(one)).collect();
-    changes.set.splice(0..0, moved);
+    let relocated: Vec<String> = contents.changes.into_iter().filter(|one| !replaced(one)).collect();
+    changes.set.splice(0..0, relocated);
     identity.changes = changes;
     identity.write(&draft, campaign)?;
-    same(&draft, catalogue, &identity)?;
+    check_same_scenario(&draft, catalogue, &identity)?;
     let _ = fs::remove_dir_all(root);
-    fs::rename(&draft, root).map_err(failed(root, "name the folder"))?;
+    fs::rename(&draft, root).map_err(io_error(root, "name the folder"))?;
     Ok(Bundle {
         program: root.join(program),
         root: root.to_owned(),
         identity,
-        left: contents.left,
+        left: contents.excluded,
     })
 }
 
 /// Checks that the scenario in the bundle is equal to the one outside.
-fn same(root: &Path, catalogue: &Arc<Catalogue>, identity: &Identity) -> Result<(), CampaignError> {
+fn check_same_scenario(root: &Path, catalogue: &Arc<Catalogue>, identity: &Identity) -> Result<(), CampaignError> {
     let (campaign, _) = Campaign::of_folder(root)?;
     let scenario = Scenario::changed(catalogue, &campaign.scenario, &campaign.overrides)?;
     let there = Identity::of(&campaign, &scenario)?;
@@ -128,7 +128,7 @@ fn same(root: &Path, catalogue: &Arc<Catalogue>, identity: &Identity) -> Result<
 }
 
 /// The files of a bundle while they are collected.
-struct Contents {
+struct BundleContents {
     /// The absolute path of the folder that relative paths refer to.
     folder: PathBuf,
     /// The scenario as it will be written.
@@ -139,36 +139,36 @@ struct Contents {
     outside: BTreeMap<PathBuf, PathBuf>,
     /// Changes that the bundle needs because a path in the scenario points outside.
     changes: Vec<String>,
-    left: Vec<String>,
+    excluded: Vec<String>,
 }
 
 /// The path without `.` and `..`, resolved lexically.
-fn tidy(path: &Path) -> PathBuf {
-    let mut tidy = PathBuf::new();
+fn normalised(path: &Path) -> PathBuf {
+    let mut normalised = PathBuf::new();
     for part in path.components() {
         match part {
             Component::CurDir => {}
             Component::ParentDir => {
-                tidy.pop();
+                normalised.pop();
             }
-            part => tidy.push(part),
+            part => normalised.push(part),
         }
     }
-    tidy
+    normalised
 }
 
-impl Contents {
-    fn new(scenario: &Path) -> Result<Contents, CampaignError> {
-        let text = fs::read_to_string(scenario).map_err(failed(scenario, "read the file"))?;
-        let file = std::path::absolute(scenario).map_err(failed(scenario, "find the file"))?;
-        Ok(Contents {
+impl BundleContents {
+    fn new(scenario: &Path) -> Result<BundleContents, CampaignError> {
+        let text = fs::read_to_string(scenario).map_err(io_error(scenario, "read the file"))?;
+        let file = std::path::absolute(scenario).map_err(io_error(scenario, "find the file"))?;
+        Ok(BundleContents {
             folder: file.parent().unwrap_or(Path::new("/")).to_owned(),
             text,
             name: file.file_name().unwrap_or_default().into(),
             files: BTreeSet::new(),
             outside: BTreeMap::new(),
             changes: Vec::new(),
-            left: Vec::new(),
+            excluded: Vec::new(),
         })
     }
 
@@ -181,15 +181,15 @@ impl Contents {
             self.folder = self.folder.join(folder);
             self.text = table.to_string();
         }
-        let mut moved = Vec::new();
-        each_named(&mut table, &mut |key, named| {
-            if let Some(value) = self.named(key, named, true) {
-                moved.push((key.to_owned(), value));
+        let mut relocated = Vec::new();
+        visit_file_references(&mut table, &mut |key, named| {
+            if let Some(value) = self.collect(key, named, true) {
+                relocated.push((key.to_owned(), value));
             }
         });
-        for (key, value) in moved {
+        for (key, value) in relocated {
             if key.starts_with("faults.") {
-                self.left.push(format!(
+                self.excluded.push(format!(
                     "{key}: the files of {value} are where they are: every machine must have them"
                 ));
             } else {
@@ -201,21 +201,21 @@ impl Contents {
 
     /// Adds the campaign file `path` and the files that it takes values from.
     fn campaign_file(&mut self, path: &Path) -> Result<(), CampaignError> {
-        let path = std::path::absolute(path).map_err(failed(path, "find the file"))?;
+        let path = std::path::absolute(path).map_err(io_error(path, "find the file"))?;
         let folder = path.parent().unwrap_or(Path::new("/"));
         let file = CampaignFile::open(&path)?;
         for (key, name) in file.iter().flat_map(CampaignFile::files) {
             if Path::new(name).is_absolute() {
-                self.left.push(format!(
+                self.excluded.push(format!(
                     "{key}: `{name}` is where it is: a machine that draws more points must have it"
                 ));
             } else if key != "scenario" {
-                self.bring(&folder.join(name));
+                self.add(&folder.join(name));
             }
         }
         // A scenario that declares its campaign itself is already there.
-        if tidy(&path) != tidy(&self.folder.join(&self.name)) {
-            self.bring(&path);
+        if normalised(&path) != normalised(&self.folder.join(&self.name)) {
+            self.add(&path);
         }
         Ok(())
     }
@@ -227,8 +227,8 @@ impl Contents {
             return change.to_owned();
         };
         let (mut read, mut changed) = (value(text.trim()), false);
-        each_in(key.trim(), &mut read, &mut |key, named| {
-            changed |= self.named(key, named, may_change).is_some();
+        visit_file_references_at(key.trim(), &mut read, &mut |key, named| {
+            changed |= self.collect(key, named, may_change).is_some();
         });
         if changed {
             format!("{key}={read}")
@@ -240,37 +240,41 @@ impl Contents {
     /// Collects the files of a participant's substitute; replaces paths that point outside.
     fn substitute(&mut self, participant: &str, run: &mut RunSpec) {
         let Ok(mut table) = Table::try_from(&*run) else { return };
-        let moved = self.named(&format!("participants.{participant}.run"), Named::Run(&mut table), true);
-        if let Some(moved) = moved.and_then(|moved| moved.try_into().ok()) {
-            *run = moved;
+        let relocated = self.collect(
+            &format!("participants.{participant}.run"),
+            FileReference::Run(&mut table),
+            true,
+        );
+        if let Some(relocated) = relocated.and_then(|relocated| relocated.try_into().ok()) {
+            *run = relocated;
         }
     }
 
     /// Adds the file or folder that `named` names; returns its replacement in the bundle, if that differs.
-    fn named(&mut self, key: &str, named: Named<'_>, may_change: bool) -> Option<Value> {
+    fn collect(&mut self, key: &str, named: FileReference<'_>, may_change: bool) -> Option<Value> {
         match named {
-            Named::File(file) => {
+            FileReference::File(file) => {
                 *file = self.path(key, file, may_change)?;
                 Some(Value::Table(Table::from_iter([(
                     "file".to_owned(),
                     Value::String(file.clone()),
                 )])))
             }
-            Named::Run(run) => {
+            FileReference::Run(run) => {
                 let mut changed = false;
                 for which in ["library", "fmu"] {
                     if let Some(Value::String(file)) = run.get_mut(which)
-                        && let Some(moved) = self.path(key, file, may_change)
+                        && let Some(relocated) = self.path(key, file, may_change)
                     {
-                        *file = moved;
+                        *file = relocated;
                         changed = true;
                     }
                 }
                 if let Some(Value::String(exe)) = run.get("exe") {
                     if exe.contains('/') && !Path::new(exe).is_absolute() {
-                        self.bring(&self.folder.join(exe));
+                        self.add(&self.folder.join(exe));
                     } else {
-                        self.left.push(format!(
+                        self.excluded.push(format!(
                             "{key}: the program `{exe}` is one of the machine: every machine must have the same one"
                         ));
                     }
@@ -294,11 +298,11 @@ impl Contents {
                 continue;
             }
             if Path::new(arg).is_absolute() || !path.is_file() {
-                self.left.push(format!(
+                self.excluded.push(format!(
                     "{key}: the argument `{arg}` leads to something that is not in the bundle: every machine must have it, or name it with --include"
                 ));
             } else {
-                self.bring(&path);
+                self.add(&path);
             }
         }
     }
@@ -307,11 +311,11 @@ impl Contents {
     fn path(&mut self, key: &str, file: &str, may_change: bool) -> Option<String> {
         let path = Path::new(file);
         if !path.is_absolute() {
-            self.bring(&self.folder.join(file));
+            self.add(&self.folder.join(file));
             return None;
         }
         if !may_change {
-            self.left
+            self.excluded
                 .push(format!("{key}: `{file}` is where it is: every machine must have it"));
             return None;
         }
@@ -319,60 +323,60 @@ impl Contents {
         let name = path.file_name()?;
         let place = self
             .outside
-            .entry(tidy(path))
+            .entry(normalised(path))
             .or_insert_with(|| Path::new("outside").join(number.to_string()).join(name));
         place.to_str().map(str::to_owned)
     }
 
-    fn bring(&mut self, path: &Path) {
+    fn add(&mut self, path: &Path) {
         self.files.insert(path.to_owned());
     }
 
     /// The place in the bundle of a file or folder that was added: below the folder that all of them have in common.
-    fn place(&self, path: &Path) -> PathBuf {
-        let mut base = tidy(&self.folder);
+    fn bundle_path(&self, path: &Path) -> PathBuf {
+        let mut base = normalised(&self.folder);
         for file in &self.files {
-            let file = tidy(file);
+            let file = normalised(file);
             while !file.starts_with(&base) {
                 base.pop();
             }
         }
-        let path = tidy(path);
+        let path = normalised(path);
         Path::new("tree").join(path.strip_prefix(&base).unwrap_or(&path))
     }
 
     /// Copies everything below `root`.
     fn write(&self, root: &Path) -> Result<(), CampaignError> {
-        let own = root.join(self.place(&self.folder));
+        let own = root.join(self.bundle_path(&self.folder));
         let path = own.join(&self.name);
-        make(&own)?;
-        fs::write(&path, &self.text).map_err(failed(&path, "write the file"))?;
+        create_folder(&own)?;
+        fs::write(&path, &self.text).map_err(io_error(&path, "write the file"))?;
         for file in &self.files {
-            copy(file, &root.join(self.place(file)))?;
+            copy(file, &root.join(self.bundle_path(file)))?;
         }
-        for (file, beside) in &self.outside {
-            copy(file, &own.join(beside))?;
+        for (file, relative) in &self.outside {
+            copy(file, &own.join(relative))?;
         }
         Ok(())
     }
 }
 
-fn make(folder: &Path) -> Result<(), CampaignError> {
-    fs::create_dir_all(folder).map_err(failed(folder, "create the folder"))
+fn create_folder(folder: &Path) -> Result<(), CampaignError> {
+    fs::create_dir_all(folder).map_err(io_error(folder, "create the folder"))
 }
 
 /// Copies a file or a folder.
 fn copy(from: &Path, to: &Path) -> Result<(), CampaignError> {
     if from.is_dir() {
-        make(to)?;
-        for entry in fs::read_dir(from).map_err(failed(from, "read the folder"))? {
-            let entry = entry.map_err(failed(from, "read the folder"))?;
+        create_folder(to)?;
+        for entry in fs::read_dir(from).map_err(io_error(from, "read the folder"))? {
+            let entry = entry.map_err(io_error(from, "read the folder"))?;
             copy(&entry.path(), &to.join(entry.file_name()))?;
         }
         return Ok(());
     }
     if let Some(folder) = to.parent() {
-        make(folder)?;
+        create_folder(folder)?;
     }
-    fs::copy(from, to).map(|_| ()).map_err(failed(from, "copy the file"))
+    fs::copy(from, to).map(|_| ()).map_err(io_error(from, "copy the file"))
 }

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::campaign::folder::claim::{Folder, holder};
+use crate::campaign::folder::campaign_folder::{Folder, holder};
 use crate::campaign::folder::identity::Identity;
-use crate::campaign::folder::journal::{self, Entry};
+use crate::campaign::folder::journal::{self, JournalEntry};
 use crate::campaign::workers::point::Result as PointResult;
 use crate::campaign::workers::pool::Finished;
 use crate::campaign::{Campaign, CampaignError};
 
 /// Number of points that an error names where points are missing.
-const NAMED: usize = 5;
+const LISTED_MAX: usize = 5;
 
 fn refuse<T>(reason: impl Into<String>) -> Result<T, CampaignError> {
     Err(CampaignError::Merge(reason.into()))
@@ -53,40 +53,40 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
     if let Some((root, _)) = folders.iter().find(|(root, _)| holder(root).is_some()) {
         return refuse(format!("{} is being worked in: wait for its end", root.display()));
     }
-    let mut campaign = Campaign::blank(identity);
-    let mut whole = Whole {
+    let mut campaign = Campaign::without_points(identity);
+    let mut merged = MergedResults {
         results: vec![None; identity.points],
-        from: vec![(0, String::new()); identity.points],
+        sources: vec![(0, String::new()); identity.points],
         audits: BTreeMap::new(),
     };
     for (number, (root, identity)) in folders.iter().enumerate() {
-        whole.take(number, root, identity, &folders)?;
-        campaign.fill(root, identity)?;
+        merged.read_journal(number, root, identity, &folders)?;
+        campaign.read_points(root, identity)?;
     }
-    whole.no_gaps(&folders)?;
+    merged.check_complete(&folders)?;
     identity
-        .same_points("points.jsonl of the shards", &campaign)
+        .check_points_digest("points.jsonl of the shards", &campaign)
         .or_else(refuse)?;
-    whole.no_differences(&folders)?;
+    merged.check_audits(&folders)?;
     let whole_identity = Identity {
         shard: None,
         audit: 0.0,
         until: None,
         ..identity.clone()
     };
-    let (folder, known) = Folder::take(out, &campaign, &whole_identity)?;
-    for (at, result) in whole.results.iter().enumerate() {
+    let (folder, known) = Folder::lock_at(out, &campaign, &whole_identity)?;
+    for (at, result) in merged.results.iter().enumerate() {
         if known.results[at].is_none()
             && let Some(result) = result
         {
-            folder.adopt(&campaign, at + 1, &whole.from[at].1, result)?;
+            folder.append_foreign_result(&campaign, at + 1, &merged.sources[at].1, result)?;
         }
     }
     let finished = Finished {
         folder,
         identity: whole_identity,
         resumed: 0,
-        results: whole.results,
+        results: merged.results,
         interrupted: false,
         wall_s: started.elapsed().as_secs_f64(),
     };
@@ -94,27 +94,27 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
 }
 
 /// The results of all shards.
-struct Whole {
+struct MergedResults {
     results: Vec<Option<PointResult>>,
     /// For each point, the number of its folder and the machine.
-    from: Vec<(usize, String)>,
+    sources: Vec<(usize, String)>,
     /// Second runs by point and number of the folder.
-    audits: BTreeMap<(usize, usize), Entry>,
+    audits: BTreeMap<(usize, usize), JournalEntry>,
 }
 
 type Folders<'a> = [(&'a PathBuf, Identity)];
 
-impl Whole {
+impl MergedResults {
     /// Reads the journal of folder number `number`.
-    fn take(
+    fn read_journal(
         &mut self,
         number: usize,
         root: &Path,
         identity: &Identity,
         folders: &Folders,
     ) -> Result<(), CampaignError> {
-        let (mut twice, points) = (None::<(usize, usize)>, self.results.len());
-        journal::each(&journal::path(root), |entry| {
+        let (mut duplicate, points) = (None::<(usize, usize)>, self.results.len());
+        journal::for_each_entry(&journal::path(root), |entry| {
             let Some(at) = entry.point.checked_sub(1).filter(|at| *at < points) else {
                 return;
             };
@@ -122,16 +122,16 @@ impl Whole {
                 // A repeated second run replaces the earlier one.
                 self.audits.insert((entry.point, number), entry);
             } else if identity.owns(at) {
-                if self.results[at].is_some() && self.from[at].0 != number {
-                    let this = (entry.point, self.from[at].0);
+                if self.results[at].is_some() && self.sources[at].0 != number {
+                    let this = (entry.point, self.sources[at].0);
                     // The lowest number, regardless of the order of the journal.
-                    twice = Some(twice.map_or(this, |known| known.min(this)));
+                    duplicate = Some(duplicate.map_or(this, |known| known.min(this)));
                 }
                 self.results[at] = Some(entry.result);
-                self.from[at] = (number, entry.node);
+                self.sources[at] = (number, entry.node);
             }
         })?;
-        match twice {
+        match duplicate {
             None => Ok(()),
             Some((point, other)) => refuse(format!(
                 "point {point} is in {} and in {}: give each shard once",
@@ -142,7 +142,7 @@ impl Whole {
     }
 
     /// Checks that every point has a result, and every second run of each shard.
-    fn no_gaps(&self, folders: &Folders) -> Result<(), CampaignError> {
+    fn check_complete(&self, folders: &Folders) -> Result<(), CampaignError> {
         let missing = |at: &usize| self.results[*at].is_none();
         let all: Vec<usize> = (0..self.results.len()).filter(missing).collect();
         if !all.is_empty() {
@@ -158,14 +158,14 @@ impl Whole {
                 }
             }
             let owned = |at: &&usize| folders.iter().any(|(_, identity)| identity.owns(**at));
-            let nowhere: Vec<&usize> = all.iter().filter(|at| !owned(at)).collect();
-            if !nowhere.is_empty() {
-                let named = nowhere.iter().take(NAMED).map(|at| (**at + 1).to_string());
-                let more = if nowhere.len() > NAMED { ", …" } else { "" };
+            let unassigned: Vec<&usize> = all.iter().filter(|at| !owned(at)).collect();
+            if !unassigned.is_empty() {
+                let named = unassigned.iter().take(LISTED_MAX).map(|at| (**at + 1).to_string());
+                let more = if unassigned.len() > LISTED_MAX { ", …" } else { "" };
                 let named: Vec<String> = named.collect();
                 parts.push(format!(
                     "{} in no folder that was given, such as point {}{more} (give the folders of all shards)",
-                    nowhere.len(),
+                    unassigned.len(),
                     named.join(", ")
                 ));
             }
@@ -187,7 +187,7 @@ impl Whole {
     }
 
     /// Checks that second runs gave the same bits.
-    fn no_differences(&self, folders: &Folders) -> Result<(), CampaignError> {
+    fn check_audits(&self, folders: &Folders) -> Result<(), CampaignError> {
         let name = |(number, node): (usize, &str)| format!("{} on node `{node}`", folders[number].0.display());
         let (mut differences, mut nodes) = (Vec::new(), BTreeMap::<String, usize>::new());
         for ((_, number), entry) in &self.audits {
@@ -197,7 +197,7 @@ impl Whole {
             };
             let outcomes = || (result.outcome.word().into(), entry.result.outcome.word().into());
             let (first, second) = result.difference(&entry.result).unwrap_or_else(outcomes);
-            let (number_of_first, node_of_first) = &self.from[at];
+            let (number_of_first, node_of_first) = &self.sources[at];
             differences.push(format!(
                 "point {}: {first} in {}, {second} in {}",
                 entry.point,
@@ -218,8 +218,8 @@ impl Whole {
             .map(|(node, count)| format!("`{node}` ({count})"))
             .collect();
         let count = differences.len();
-        let more = if count > NAMED { "\n  …" } else { "" };
-        differences.truncate(NAMED);
+        let more = if count > LISTED_MAX { "\n  …" } else { "" };
+        differences.truncate(LISTED_MAX);
         refuse(format!(
             "{count} of {} points that were run twice have other bits the second time; most often on node {}:\n  {}{more}\n\
              run one of them a third time elsewhere (`run --point FOLDER:POINT`), and the shards of the node that is wrong again in new folders",

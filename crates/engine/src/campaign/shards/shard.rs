@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn text_that_is_no_shard_is_refused() {
+    fn shard_parser_rejects_invalid_text() {
         assert_eq!("3/8".parse(), Ok(Shard { number: 3, of: 8 }));
         for text in ["0/8", "9/8", "3", "3/", "a/b", "1/100001", "-1/2"] {
             let error = text.parse::<Shard>().unwrap_err().to_string();

@@ -6,14 +6,14 @@ use crate::scenario::{Program, Scenario};
 const SIDE_BY_SIDE: usize = if cfg!(target_arch = "x86_64") { 4 } else { 1 };
 
 /// The efficient number of points of `scenario` to run side by side.
-pub fn company(scenario: &Scenario) -> usize {
-    let here = !scenario.programs().any(Program::is_external);
-    let made = if here {
+pub fn efficient_lanes(scenario: &Scenario) -> usize {
+    let is_in_process = !scenario.programs().any(Program::is_external);
+    let participants = if is_in_process {
         scenario.make().unwrap_or_default()
     } else {
         Vec::new()
     };
-    let abreast = made
+    let abreast = participants
         .into_iter()
         .flatten()
         .any(|mut participant| participant.abreast().is_some());

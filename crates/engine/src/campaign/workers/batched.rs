@@ -6,97 +6,97 @@ use std::sync::Arc;
 
 use lockstep::participant::{BatchStepper, PendingStep};
 
-use super::point::{Begun, Order, Result as PointResult, caught};
+use super::point::{PointRequest, Result as PointResult, StartedPoint, catch_panic};
 use crate::Catalogue;
 use crate::run::Abreast;
 
 /// Points under way in this process.
-pub struct Points {
+pub struct PointBatch {
     catalogue: Arc<Catalogue>,
-    under_way: Vec<Point>,
+    active: Vec<Point>,
     stride: BatchStepper,
 }
 
 struct Point {
     ticket: u64,
-    order: Order,
+    request: PointRequest,
     run: Box<Abreast>,
 }
 
 /// A point that is over: its ticket and its result.
-pub type Over = (u64, PointResult);
+pub type FinishedPoint = (u64, PointResult);
 
-impl Points {
+impl PointBatch {
     /// Creates the set without points; their programs are in `catalogue`.
-    pub fn new(catalogue: Arc<Catalogue>) -> Points {
-        Points {
+    pub fn new(catalogue: Arc<Catalogue>) -> PointBatch {
+        PointBatch {
             catalogue,
-            under_way: Vec::new(),
+            active: Vec::new(),
             stride: BatchStepper::default(),
         }
     }
 
     /// Whether no point is under way.
     pub fn is_empty(&self) -> bool {
-        self.under_way.is_empty()
+        self.active.is_empty()
     }
 
     /// Begins a point, beside the others where it supports that and is not to run `alone`. Returns the point if it is
     /// already over.
-    pub fn begin(&mut self, ticket: u64, order: Order, alone: bool) -> Option<Over> {
-        match order.begin(&self.catalogue, alone) {
-            Begun::Over(result) => Some((ticket, result)),
-            Begun::Abreast(run) => {
-                self.under_way.push(Point { ticket, order, run });
+    pub fn start(&mut self, ticket: u64, request: PointRequest, alone: bool) -> Option<FinishedPoint> {
+        match request.start(&self.catalogue, alone) {
+            StartedPoint::Finished(result) => Some((ticket, result)),
+            StartedPoint::Abreast(run) => {
+                self.active.push(Point { ticket, request, run });
                 None
             }
         }
     }
 
     /// Advances every point by a step. Returns the points that are over.
-    pub fn advance(&mut self) -> Vec<Over> {
+    pub fn advance(&mut self) -> Vec<FinishedPoint> {
         let mut over = Vec::new();
-        let (under_way, stride) = (&mut self.under_way, &mut self.stride);
+        let (active, stride) = (&mut self.active, &mut self.stride);
         // The point that advances alone at the moment; none while the steps of all points are computed.
-        let by_itself = Cell::new(None);
-        let unharmed = caught(|| {
+        let current = Cell::new(None);
+        let outcome = catch_panic(|| {
             for _ in 0..STRIDE {
                 let mut at = 0;
-                while at < under_way.len() {
-                    by_itself.set(Some(at));
-                    if under_way[at].run.advance() {
+                while at < active.len() {
+                    current.set(Some(at));
+                    if active[at].run.advance() {
                         at += 1;
                     } else {
-                        let Point { ticket, order, run } = under_way.remove(at);
-                        over.push((ticket, order, run));
+                        let Point { ticket, request, run } = active.remove(at);
+                        over.push((ticket, request, run));
                     }
                 }
-                by_itself.set(None);
+                current.set(None);
                 let mut pending: Vec<PendingStep> =
-                    under_way.iter_mut().filter_map(|point| point.run.pending()).collect();
+                    active.iter_mut().filter_map(|point| point.run.pending()).collect();
                 stride.step(&mut pending);
-                if !over.is_empty() || under_way.is_empty() {
+                if !over.is_empty() || active.is_empty() {
                     break;
                 }
             }
         });
         let over = over.into_iter();
-        let mut over: Vec<Over> = over
-            .map(|(ticket, order, run)| (ticket, order.concluded(run)))
+        let mut over: Vec<FinishedPoint> = over
+            .map(|(ticket, request, run)| (ticket, request.finish(run)))
             .collect();
-        match (unharmed, by_itself.get()) {
+        match (outcome, current.get()) {
             (Ok(()), _) => {}
             (Err(result), Some(at)) => {
-                let point = self.under_way.remove(at);
+                let point = self.active.remove(at);
                 over.push((point.ticket, result));
                 // The state that a panic left behind may panic again when dropped.
-                let _ = caught(|| drop(point.run));
+                let _ = catch_panic(|| drop(point.run));
             }
             // Which point's step panicked is not known, and every step is half done: each point is run again alone.
             (Err(_), None) => {
-                for Point { ticket, order, run } in std::mem::take(&mut self.under_way) {
-                    let _ = caught(|| drop(run));
-                    if let Begun::Over(result) = order.begin(&self.catalogue, true) {
+                for Point { ticket, request, run } in std::mem::take(&mut self.active) {
+                    let _ = catch_panic(|| drop(run));
+                    if let StartedPoint::Finished(result) = request.start(&self.catalogue, true) {
                         over.push((ticket, result));
                     }
                 }

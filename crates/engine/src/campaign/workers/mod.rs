@@ -2,7 +2,7 @@
 
 pub(super) mod batch_size;
 pub(super) mod batched;
-mod errand;
+mod pending_point;
 pub(super) mod point;
 pub(super) mod pool;
 pub(super) mod worker;

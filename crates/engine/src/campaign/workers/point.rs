@@ -27,12 +27,12 @@ pub enum Outcome {
     Refused,
     /// A participant failed.
     Failed,
-    /// The process that ran it died.
+    /// The process that ran it ended abnormally.
     Crashed,
 }
 
 impl Outcome {
-    /// The word in the table.
+    /// The name in the table.
     pub fn word(self) -> &'static str {
         match self {
             Outcome::Met => "met",
@@ -79,7 +79,7 @@ impl Result {
         }
     }
 
-    /// The differences between `self` and `other`, in words for each: the tape, the outcome, or the first figure.
+    /// The first difference between `self` and `other`, as text for each: the tape, the outcome, or the first figure.
     pub fn difference(&self, other: &Result) -> Option<(String, String)> {
         if let (Some(own), Some(its)) = (&self.tape, &other.tape) {
             let words = |tape: &str| format!("tape {}…", tape.get(..10).unwrap_or(tape));
@@ -96,10 +96,10 @@ impl Result {
         let figures = run.figures.as_ref();
         let (outcome, reason) = match (&run.ending, figures) {
             (Ending::Failed { participant, .. }, _) => {
-                let said = run.logs.get(participant).map(|lines| run::last_lines(lines));
+                let last_output = run.logs.get(participant).map(|lines| run::last_lines(lines));
                 (
                     Outcome::Failed,
-                    run.ending.words().map(|words| words + &said.unwrap_or_default()),
+                    run.ending.words().map(|words| words + &last_output.unwrap_or_default()),
                 )
             }
             (Ending::Stopped { reason }, _) => (Outcome::Crashed, Some(reason.clone())),
@@ -128,7 +128,7 @@ impl Result {
 
 /// A point to be run.
 #[derive(Debug, Clone)]
-pub struct Order {
+pub struct PointRequest {
     /// The scenario file.
     pub file: PathBuf,
     /// The specification that all points share.
@@ -144,26 +144,26 @@ pub struct Order {
 }
 
 /// A point that was begun.
-pub enum Begun {
+pub enum StartedPoint {
     /// The point is already over.
-    Over(Result),
+    Finished(Result),
     /// The point runs beside others.
     Abreast(Box<Abreast>),
 }
 
-impl Order {
+impl PointRequest {
     /// Begins the point. A point that can run beside others has advanced no step on return; any other point, and every
     /// point begun with `alone`, is over.
-    pub fn begin(&self, catalogue: &Arc<Catalogue>, alone: bool) -> Begun {
-        caught(|| self.begun(catalogue, alone)).unwrap_or_else(Begun::Over)
+    pub fn start(&self, catalogue: &Arc<Catalogue>, alone: bool) -> StartedPoint {
+        catch_panic(|| self.start_unguarded(catalogue, alone)).unwrap_or_else(StartedPoint::Finished)
     }
 
-    fn begun(&self, catalogue: &Arc<Catalogue>, alone: bool) -> Begun {
+    fn start_unguarded(&self, catalogue: &Arc<Catalogue>, alone: bool) -> StartedPoint {
         let mut spec = self.spec.clone();
         let changed = spec.vary(&self.changes);
         let scenario = match changed.and_then(|()| Scenario::of(catalogue, spec, &self.file)) {
             Ok(scenario) => scenario,
-            Err(error) => return Begun::Over(self.refused(&error)),
+            Err(error) => return StartedPoint::Finished(self.refused(&error)),
         };
         let in_process = !scenario.programs().any(Program::is_external);
         let mut options = run::Options {
@@ -180,9 +180,9 @@ impl Order {
                 run::Record::Nothing
             };
             match alone {
-                true => concluded(scenario, options),
+                true => run_to_end(scenario, options),
                 false => match Abreast::begin(scenario, options) {
-                    Ok(run) => return Begun::Abreast(Box::new(run)),
+                    Ok(run) => return StartedPoint::Abreast(Box::new(run)),
                     Err(failure) => Err(failure),
                 },
             }
@@ -192,22 +192,25 @@ impl Order {
             // Remains of an interrupted campaign are incomplete.
             let _ = std::fs::remove_dir_all(out);
             options.out = Some(out.to_owned());
-            let result = concluded(scenario, options);
+            let result = run_to_end(scenario, options);
             if self.keep.is_none() {
                 let _ = std::fs::remove_dir_all(out);
             }
             result
         };
-        Begun::Over(result.map_or_else(|failure| self.failed(&failure), |result| self.wanted(result)))
+        StartedPoint::Finished(result.map_or_else(
+            |failure| self.failed(&failure),
+            |result| self.with_requested_digest(result),
+        ))
     }
 
     /// The result of a run that has reached its end.
-    pub fn concluded(&self, run: Box<Abreast>) -> Result {
-        caught(|| self.wanted(Result::of_run(&run.conclude()))).unwrap_or_else(|panic| panic)
+    pub fn finish(&self, run: Box<Abreast>) -> Result {
+        catch_panic(|| self.with_requested_digest(Result::of_run(&run.conclude()))).unwrap_or_else(|panic| panic)
     }
 
     /// A result with the digest, where requested.
-    fn wanted(&self, result: Result) -> Result {
+    fn with_requested_digest(&self, result: Result) -> Result {
         Result {
             tape: result.tape.filter(|_| self.digests),
             ..result
@@ -222,17 +225,17 @@ impl Order {
     }
 
     fn refused(&self, error: &dyn std::fmt::Display) -> Result {
-        Result::without(Outcome::Refused, placeless(&self.file, &error.to_string()))
+        Result::without(Outcome::Refused, without_location(&self.file, &error.to_string()))
     }
 }
 
 /// The result of `work`, or a failed point where it panics.
-pub fn caught<T>(work: impl FnOnce() -> T) -> std::result::Result<T, Result> {
+pub fn catch_panic<T>(work: impl FnOnce() -> T) -> std::result::Result<T, Result> {
     // The process's panic hook prints the message; it is needed here as well.
     let message = Arc::new(Mutex::new(String::new()));
-    let heard = message.clone();
+    let panic_message = message.clone();
     std::panic::set_hook(Box::new(move |panic| {
-        *heard.lock().unwrap_or_else(PoisonError::into_inner) = panic.to_string();
+        *panic_message.lock().unwrap_or_else(PoisonError::into_inner) = panic.to_string();
     }));
     let result = catch_unwind(AssertUnwindSafe(work));
     let _ = std::panic::take_hook();
@@ -243,7 +246,7 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> std::result::Result<T, Result> {
 }
 
 /// A message about the scenario `file`, made independent of its place, because a row must not depend on that.
-fn placeless(file: &Path, message: &str) -> String {
+fn without_location(file: &Path, message: &str) -> String {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let folder = file.parent().unwrap_or(Path::new("")).display().to_string();
     let message = message.replace(&file.display().to_string(), &name);
@@ -252,7 +255,7 @@ fn placeless(file: &Path, message: &str) -> String {
 }
 
 /// Runs to the end, and writes the summary to the folder if there is one.
-fn concluded(scenario: Arc<Scenario>, options: run::Options) -> std::result::Result<Result, RunFailure> {
+fn run_to_end(scenario: Arc<Scenario>, options: run::Options) -> std::result::Result<Result, RunFailure> {
     let outcome = run::run_shared(scenario, options)?;
     if let Some(folder) = &outcome.folder {
         let folder = RunFolder::open(folder);
@@ -265,12 +268,12 @@ fn concluded(scenario: Arc<Scenario>, options: run::Options) -> std::result::Res
 
 /// The figures of merit and the criteria of runs of `scenario`, without values.
 pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Figures {
-    let made = scenario.assess(&run::streams(plan)).ok().flatten();
+    let assessment = scenario.assess(&run::streams(plan)).ok().flatten();
     let none = || Figures::new(Vec::new(), Vec::new());
-    made.map_or_else(none, |mut assessment| Figures::of(&assessment.finish(Vec::new())))
+    assessment.map_or_else(none, |mut assessment| Figures::of(&assessment.finish(Vec::new())))
 }
 
-/// The outcome of a point in a word, also where it was not run.
+/// The name of the outcome of a point, also where it was not run.
 pub fn word(result: Option<&Result>) -> &'static str {
     result.map_or("not run", |result| result.outcome.word())
 }

@@ -6,17 +6,17 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use super::batch_size::company;
-use super::errand::{Errand, What, open_points};
+use super::batch_size::efficient_lanes;
+use super::pending_point::{PendingPoint, Purpose, missing_points};
 use super::point::{Outcome, Result as PointResult};
-use super::worker::{Answer, Task, Word, Worker};
+use super::worker::{Answer, Task, Worker, WorkerMessage};
 use crate::campaign::folder::any_path::AnyPath;
-use crate::campaign::folder::claim::Folder;
+use crate::campaign::folder::campaign_folder::Folder;
 use crate::campaign::folder::identity::{Identity, digest_of_scenario};
-use crate::campaign::folder::keep::{Keep, kept};
+use crate::campaign::folder::keep::{Keep, selected_points};
 use crate::campaign::folder::table::sheet;
 use crate::campaign::options::Options;
-use crate::campaign::until::Watch;
+use crate::campaign::stopping_rule::Watch;
 use crate::campaign::{Campaign, CampaignError};
 use crate::observer::Event;
 use crate::scenario::Scenario;
@@ -67,15 +67,15 @@ impl Finished {
     /// As [`run`], and when a point has another result than before.
     pub fn keep(&mut self, campaign: &Campaign, scenario: &Scenario, options: &Options) -> Result<(), CampaignError> {
         let there = |at: &usize| self.folder.has_run(at + 1);
-        let wanted = kept(&options.keep, &self.results, options.figure.as_ref()).into_iter();
-        let open = wanted
+        let wanted = selected_points(&options.keep, &self.results, options.figure.as_ref()).into_iter();
+        let pending = wanted
             .filter(|at| !there(at))
-            .map(|point| Errand {
+            .map(|point| PendingPoint {
                 point,
-                what: What::Again,
+                purpose: Purpose::Rerun,
             })
             .collect();
-        let mut pool = Pool::new(campaign, scenario, &self.folder, &mut self.results, open);
+        let mut pool = Pool::new(campaign, scenario, &self.folder, &mut self.results, pending);
         let outcome = pool.run(options);
         self.interrupted |= pool.stopped;
         outcome
@@ -90,10 +90,10 @@ pub fn run(campaign: &Campaign, scenario: &Scenario, options: &Options) -> Resul
     let identity = Identity {
         shard: options.shard,
         audit: options.audit,
-        until: options.rule(),
+        until: options.stopping_rule(),
         ..Identity::of(campaign, scenario)?
     };
-    work(campaign, scenario, identity, options, None)
+    run_with_identity(campaign, scenario, identity, options, None)
 }
 
 /// The same for a campaign that was read from a folder, with the identity that it must still have.
@@ -125,17 +125,17 @@ pub fn run_as(
     let identity = Identity {
         shard: options.shard,
         audit: options.audit,
-        until: options.rule(),
+        until: options.stopping_rule(),
         file: now.file,
         source: now.source,
         ..known.clone()
     };
-    work(campaign, scenario, identity, options, None)
+    run_with_identity(campaign, scenario, identity, options, None)
 }
 
-/// Does the work of [`run`]. A campaign that grows had `before` points with results when it began; any other the ones in
-/// its folder.
-pub(crate) fn work(
+/// Runs `campaign` in the folder with this identity. A campaign that grows had `before` points with results when it began; any
+/// other has those in its folder.
+pub(crate) fn run_with_identity(
     campaign: &Campaign,
     scenario: &Scenario,
     identity: Identity,
@@ -147,24 +147,24 @@ pub(crate) fn work(
     for (point, reason) in &campaign.refused {
         let result = PointResult::without(Outcome::Refused, reason.clone());
         if identity.owns(*point) && known.results[*point].is_none() {
-            folder.note(campaign, point + 1, false, &result)?;
+            folder.append_result(campaign, point + 1, false, &result)?;
             known.results[*point] = Some(result);
         } else if identity.audits(*point) && known.audited.insert(*point) {
-            folder.note(campaign, point + 1, true, &result)?;
+            folder.append_result(campaign, point + 1, true, &result)?;
         }
     }
-    let open = open_points(&known, &identity);
-    folder.hold(options.workers(open.len()))?;
+    let pending = missing_points(&known, &identity);
+    folder.write_holder(options.workers(pending.len()))?;
     let done = known.results.iter().flatten().count();
     let resumed = before.unwrap_or(done);
     let mut results = known.results;
-    let mut pool = Pool::new(campaign, scenario, &folder, &mut results, open);
-    pool.all = (0..campaign.points.len()).filter(|at| identity.owns(*at)).count();
+    let mut pool = Pool::new(campaign, scenario, &folder, &mut results, pending);
+    pool.total = (0..campaign.points.len()).filter(|at| identity.owns(*at)).count();
     (pool.resumed, pool.done) = (resumed, done);
     pool.grows = campaign.source.as_ref().is_some_and(|source| source.rare);
     pool.keep = options.keep.contains(&Keep::All);
     pool.until = options.until.clone();
-    pool.draft = identity.shard.is_none().then(|| Draft::new(&folder));
+    pool.partial_table = identity.shard.is_none().then(|| PartialTable::new(&folder));
     let outcome = pool.run(options);
     let (interrupted, enough) = (pool.stopped, pool.enough);
     outcome?;
@@ -185,17 +185,17 @@ pub(crate) fn work(
 }
 
 impl Options {
-    /// The number of processes that work on `open` points.
-    fn workers(&self, open: usize) -> usize {
+    /// The number of processes that work on `pending` points.
+    fn workers(&self, pending: usize) -> usize {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        self.workers.unwrap_or(cores).clamp(1, open.max(1))
+        self.workers.unwrap_or(cores).clamp(1, pending.max(1))
     }
 }
 
 /// A worker and the points that it is running, each with its ticket.
-struct Slot {
+struct WorkerSlot {
     worker: Worker,
-    busy: Vec<(u64, Errand)>,
+    busy: Vec<(u64, PendingPoint)>,
     /// Whether its point is one that is run again alone.
     alone: bool,
 }
@@ -206,16 +206,16 @@ struct Pool<'a> {
     folder: &'a Folder,
     results: &'a mut Vec<Option<PointResult>>,
     /// Points that no worker has yet.
-    open: VecDeque<Errand>,
-    /// Points of workers that died; one of these points is the cause. A worker runs such a point alone.
-    suspects: VecDeque<Errand>,
+    pending: VecDeque<PendingPoint>,
+    /// Points of workers whose processes ended abnormally; one of these points is the cause. A worker runs such a point alone.
+    suspects: VecDeque<PendingPoint>,
     /// The maximum number of points of a worker at a time.
     lanes: usize,
-    tickets: u64,
+    last_ticket: u64,
     /// The numbers of results before the start, now, and at the end.
     resumed: usize,
     done: usize,
-    all: usize,
+    total: usize,
     /// Whether more points may follow, depending on the results.
     grows: bool,
     /// Whether run folders are kept during the campaign.
@@ -223,47 +223,47 @@ struct Pool<'a> {
     until: Option<Watch>,
     /// The number of points that the stopping rule found enough.
     enough: Option<usize>,
-    /// Whether the user asked for an end.
+    /// Whether the user requested an end.
     stopped: bool,
     /// The table of the results so far; a shard of a campaign has none.
-    draft: Option<Draft>,
-    slots: Vec<Slot>,
+    partial_table: Option<PartialTable>,
+    slots: Vec<WorkerSlot>,
 }
 
 /// The table that is written during a campaign.
-struct Draft {
+struct PartialTable {
     path: PathBuf,
-    written: Instant,
+    last_write: Instant,
     /// The wait before the next write.
-    pause: Duration,
+    interval: Duration,
 }
 
 /// Minimum interval between two writes of the table.
-const DRAFTS_APART: Duration = Duration::from_secs(10);
+const TABLE_INTERVAL: Duration = Duration::from_secs(10);
 
-impl Draft {
-    fn new(folder: &Folder) -> Draft {
-        Draft {
+impl PartialTable {
+    fn new(folder: &Folder) -> PartialTable {
+        PartialTable {
             path: folder.root().join("table.csv"),
-            written: Instant::now(),
-            pause: DRAFTS_APART,
+            last_write: Instant::now(),
+            interval: TABLE_INTERVAL,
         }
     }
 
     /// Writes the table if the interval has passed. Writing takes at most a twentieth of the time.
-    fn renew(&mut self, campaign: &Campaign, results: &[Option<PointResult>]) -> Result<(), CampaignError> {
-        if self.written.elapsed() < self.pause {
+    fn write_if_due(&mut self, campaign: &Campaign, results: &[Option<PointResult>]) -> Result<(), CampaignError> {
+        if self.last_write.elapsed() < self.interval {
             return Ok(());
         }
         let started = Instant::now();
         sheet(campaign, results).csv(&self.path)?;
-        self.written = Instant::now();
-        self.pause = DRAFTS_APART.max(20 * started.elapsed());
+        self.last_write = Instant::now();
+        self.interval = TABLE_INTERVAL.max(20 * started.elapsed());
         Ok(())
     }
 }
 
-type Words = (Sender<(usize, Word)>, Receiver<(usize, Word)>);
+type WorkerChannel = (Sender<(usize, WorkerMessage)>, Receiver<(usize, WorkerMessage)>);
 
 impl<'a> Pool<'a> {
     fn new(
@@ -271,7 +271,7 @@ impl<'a> Pool<'a> {
         scenario: &Scenario,
         folder: &'a Folder,
         results: &'a mut Vec<Option<PointResult>>,
-        open: VecDeque<Errand>,
+        pending: VecDeque<PendingPoint>,
     ) -> Pool<'a> {
         Pool {
             campaign,
@@ -280,28 +280,28 @@ impl<'a> Pool<'a> {
             results,
             resumed: 0,
             done: 0,
-            all: open.len(),
+            total: pending.len(),
             grows: false,
-            open,
+            pending,
             suspects: VecDeque::new(),
-            lanes: company(scenario),
-            tickets: 0,
+            lanes: efficient_lanes(scenario),
+            last_ticket: 0,
             keep: false,
             until: None,
             enough: None,
             stopped: false,
-            draft: None,
+            partial_table: None,
             slots: Vec::new(),
         }
     }
 
-    /// Runs the open points until none is left, or there are enough, or the user asks for an end.
+    /// Runs the open points until none is left, or there are enough, or the user requests an end.
     fn run(&mut self, options: &Options) -> Result<(), CampaignError> {
-        let words = channel();
-        let outcome = self.work(options, &words);
+        let messages = channel();
+        let outcome = self.run_workers(options, &messages);
         options.progress.report(Event::Over);
         self.stopped = options.interrupt.asked();
-        // All workers are asked to end before the first is waited for.
+        // All workers receive the request to end before the first is waited for.
         self.slots.iter_mut().for_each(|slot| slot.worker.shut_down());
         for number in 0..self.slots.len() {
             let _ = std::fs::remove_dir_all(self.folder.scratch(number));
@@ -310,9 +310,9 @@ impl<'a> Pool<'a> {
         outcome
     }
 
-    fn work(&mut self, options: &Options, words: &Words) -> Result<(), CampaignError> {
-        self.look();
-        let workers = options.workers(self.open.len()).min(self.open.len());
+    fn run_workers(&mut self, options: &Options, messages: &WorkerChannel) -> Result<(), CampaignError> {
+        self.evaluate_stopping_rule();
+        let workers = options.workers(self.pending.len()).min(self.pending.len());
         // where lanes bring no benefit one is used, whatever the options say
         let lanes = if self.lanes == 1 {
             1
@@ -320,23 +320,27 @@ impl<'a> Pool<'a> {
             options.lanes.unwrap_or(self.lanes)
         };
         // A run whose folder is kept runs alone.
-        let kept = self.keep || self.open.iter().any(|errand| errand.what == What::Again);
+        let kept = self.keep
+            || self
+                .pending
+                .iter()
+                .any(|pending_point| pending_point.purpose == Purpose::Rerun);
         self.lanes = if kept {
             1
         } else {
-            lanes.min(self.open.len().div_ceil(workers.max(1)))
+            lanes.min(self.pending.len().div_ceil(workers.max(1)))
         };
         for number in 0..workers {
             if self.enough.is_some() {
                 return Ok(());
             }
-            let worker = start_worker(number, &words.0)?;
-            self.slots.push(Slot {
+            let worker = start_worker(number, &messages.0)?;
+            self.slots.push(WorkerSlot {
                 worker,
                 busy: Vec::new(),
                 alone: false,
             });
-            self.order(number)?;
+            self.send_points(number)?;
         }
         while self.enough.is_none() && self.slots.iter().any(|slot| !slot.busy.is_empty()) {
             if options.interrupt.asked() {
@@ -344,65 +348,69 @@ impl<'a> Pool<'a> {
             }
             options.progress.report(Event::Points {
                 done: self.done,
-                all: self.all,
+                all: self.total,
                 resumed: self.resumed,
                 grows: self.grows,
             });
-            let (number, word) = match words.1.recv_timeout(Duration::from_millis(50)) {
-                Ok(word) => word,
+            let (number, message) = match messages.1.recv_timeout(Duration::from_millis(50)) {
+                Ok(message) => message,
                 Err(RecvTimeoutError::Timeout) => continue,
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
             };
-            match word {
-                Word::Answer(Answer::Changed) => {
+            match message {
+                WorkerMessage::Answer(Answer::Changed) => {
                     let path = self.campaign.scenario.clone();
                     return Err(CampaignError::Changed { path });
                 }
-                Word::Answer(Answer::Done(ticket, result)) => self.note(number, ticket, *result)?,
-                Word::Gone => {
+                WorkerMessage::Answer(Answer::Done(ticket, result)) => self.record_result(number, ticket, *result)?,
+                WorkerMessage::Exited => {
                     let slot = &mut self.slots[number];
                     let reason = slot.worker.exit_report();
                     match slot.busy[..] {
-                        [(ticket, _)] => self.note(number, ticket, PointResult::without(Outcome::Crashed, reason))?,
-                        _ => self.suspects.extend(slot.busy.drain(..).map(|(_, errand)| errand)),
+                        [(ticket, _)] => {
+                            self.record_result(number, ticket, PointResult::without(Outcome::Crashed, reason))?
+                        }
+                        _ => self
+                            .suspects
+                            .extend(slot.busy.drain(..).map(|(_, pending_point)| pending_point)),
                     }
-                    self.slots[number].worker = start_worker(number, &words.0)?;
+                    self.slots[number].worker = start_worker(number, &messages.0)?;
                 }
             }
-            self.order(number)?;
-            if let Some(draft) = &mut self.draft {
-                draft.renew(self.campaign, self.results)?;
+            self.send_points(number)?;
+            if let Some(partial_table) = &mut self.partial_table {
+                partial_table.write_if_due(self.campaign, self.results)?;
             }
         }
         Ok(())
     }
 
     /// Evaluates the stopping rule.
-    fn look(&mut self) {
+    fn evaluate_stopping_rule(&mut self) {
         if let Some(watch) = &mut self.until {
-            self.enough = watch.look(self.results);
+            self.enough = watch.evaluate(self.results);
         }
     }
 
-    fn note(&mut self, number: usize, ticket: u64, result: PointResult) -> Result<(), CampaignError> {
+    fn record_result(&mut self, number: usize, ticket: u64, result: PointResult) -> Result<(), CampaignError> {
         let busy = &mut self.slots[number].busy;
         let Some(at) = busy.iter().position(|(own, _)| *own == ticket) else {
             return Ok(());
         };
-        let Errand { point, what } = busy.remove(at).1;
+        let PendingPoint { point, purpose } = busy.remove(at).1;
         self.done += 1;
-        match what {
-            What::Own => {
-                self.folder.note(self.campaign, point + 1, false, &result)?;
+        match purpose {
+            Purpose::Own => {
+                self.folder.append_result(self.campaign, point + 1, false, &result)?;
                 self.results[point] = Some(result);
-                self.look();
+                self.evaluate_stopping_rule();
             }
-            What::Audit => self.folder.note(self.campaign, point + 1, true, &result)?,
-            What::Again => {
+            Purpose::Audit => self.folder.append_result(self.campaign, point + 1, true, &result)?,
+            Purpose::Rerun => {
                 let known = self.results[point].as_ref().filter(|known| known.outcome.ran());
                 if let Some((now, before)) = known.and_then(|known| result.difference(known)) {
                     return Err(CampaignError::Folder {
-                        path: self.folder.run(point + 1),
+                        path: self.folder.run_folder(point + 1),
                         reason: format!(
                             "has {now} where the same point had {before}: this machine cannot be relied upon"
                         ),
@@ -414,28 +422,28 @@ impl<'a> Pool<'a> {
     }
 
     /// Sends points to worker `number`, as long as there are any and it has room for them.
-    fn order(&mut self, number: usize) -> Result<(), CampaignError> {
-        while let Some(errand) = self.next(number) {
-            let (point, keep) = (errand.point, errand.what == What::Again);
-            let keep = keep || (self.keep && errand.what == What::Own);
+    fn send_points(&mut self, number: usize) -> Result<(), CampaignError> {
+        while let Some(pending_point) = self.next(number) {
+            let (point, keep) = (pending_point.point, pending_point.purpose == Purpose::Rerun);
+            let keep = keep || (self.keep && pending_point.purpose == Purpose::Own);
             let slot = &mut self.slots[number];
-            self.tickets += 1;
+            self.last_ticket += 1;
             let task = Task {
-                ticket: self.tickets,
+                ticket: self.last_ticket,
                 alone: slot.alone || self.lanes == 1,
                 scenario: AnyPath(self.campaign.scenario.clone()),
                 digest: self.digest.clone(),
                 common: self.campaign.overrides.clone(),
                 changes: self.campaign.points[point].clone(),
-                keep: keep.then(|| AnyPath(self.folder.run(point + 1))),
+                keep: keep.then(|| AnyPath(self.folder.run_folder(point + 1))),
                 scratch: AnyPath(self.folder.scratch(number)),
                 digests: self.campaign.digests,
             };
-            slot.busy.push((self.tickets, errand));
-            match slot.worker.order(&task) {
-                // It died, and the notice of its death is on its way.
+            slot.busy.push((self.last_ticket, pending_point));
+            match slot.worker.send(&task) {
+                // The worker process has ended, and its message `Exited` follows.
                 Err(error) if error.kind() == ErrorKind::BrokenPipe => return Ok(()),
-                ordered => ordered.map_err(|source| CampaignError::Io {
+                sent => sent.map_err(|source| CampaignError::Io {
                     path: self.campaign.scenario.clone(),
                     action: "give a worker a point of",
                     source,
@@ -446,22 +454,22 @@ impl<'a> Pool<'a> {
     }
 
     /// The next point for worker `number`.
-    fn next(&mut self, number: usize) -> Option<Errand> {
+    fn next(&mut self, number: usize) -> Option<PendingPoint> {
         let slot = &mut self.slots[number];
         if slot.busy.is_empty() {
             let suspect = self.suspects.pop_front();
             slot.alone = suspect.is_some();
-            return suspect.or_else(|| self.open.pop_front());
+            return suspect.or_else(|| self.pending.pop_front());
         }
         if slot.alone || slot.busy.len() >= self.lanes || !self.suspects.is_empty() {
             return None;
         }
-        self.open.pop_front()
+        self.pending.pop_front()
     }
 }
 
-fn start_worker(number: usize, words: &Sender<(usize, Word)>) -> Result<Worker, CampaignError> {
-    Worker::start(number, words).map_err(|source| CampaignError::Io {
+fn start_worker(number: usize, messages: &Sender<(usize, WorkerMessage)>) -> Result<Worker, CampaignError> {
+    Worker::start(number, messages).map_err(|source| CampaignError::Io {
         path: Path::new("/proc/self/exe").to_owned(),
         action: "start a worker",
         source,

@@ -8,15 +8,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rustix::process::{Pid, Signal, kill_process};
 use serde::{Deserialize, Serialize};
 
-use super::batched::Points;
-use super::point::{Order, Result as PointResult};
+use super::batched::PointBatch;
+use super::point::{PointRequest, Result as PointResult};
 use crate::Catalogue;
 use crate::campaign::folder::any_path::AnyPath;
 use crate::campaign::folder::identity::digest_of_scenario;
 use crate::scenario::{Changes, ScenarioSpec};
 
-/// How much is kept of what a worker has said, bytes.
-const SAID_MAX: usize = 2000;
+/// Maximum length of the retained tail of a worker's output, bytes.
+const OUTPUT_MAX: usize = 2000;
 
 /// A point for a worker.
 #[derive(Debug, Serialize, Deserialize)]
@@ -72,7 +72,7 @@ pub fn serve(
         writeln!(answers, "{}", serde_json::to_string(&answer)?)?;
         answers.flush()
     };
-    let mut points = Points::new(catalogue.clone());
+    let mut points = PointBatch::new(catalogue.clone());
     loop {
         let next = match points.is_empty() {
             true => lines.recv().map(Some),
@@ -88,12 +88,12 @@ pub fn serve(
             continue;
         };
         let task: Task = serde_json::from_str(&line?)?;
-        let Some(spec) = task.current() else {
+        let Some(spec) = task.unchanged_spec() else {
             answer(Answer::Changed)?;
             continue;
         };
         let (ticket, alone) = (task.ticket, task.alone);
-        if let Some((ticket, result)) = points.begin(ticket, task.order(spec), alone) {
+        if let Some((ticket, result)) = points.start(ticket, task.into_request(spec), alone) {
             answer(Answer::Done(ticket, Box::new(result)))?;
         }
     }
@@ -101,13 +101,13 @@ pub fn serve(
 
 impl Task {
     /// The scenario with the changes that all points share, if it has not changed.
-    fn current(&self) -> Option<ScenarioSpec> {
+    fn unchanged_spec(&self) -> Option<ScenarioSpec> {
         let spec = ScenarioSpec::changed(&self.scenario.0, &self.common).ok()?;
         (digest_of_scenario(&spec).to_string() == self.digest).then_some(spec)
     }
 
-    fn order(self, spec: ScenarioSpec) -> Order {
-        Order {
+    fn into_request(self, spec: ScenarioSpec) -> PointRequest {
+        PointRequest {
             file: self.scenario.0,
             spec,
             changes: self.changes,
@@ -120,26 +120,26 @@ impl Task {
 
 /// A message from a worker.
 #[derive(Debug)]
-pub enum Word {
+pub enum WorkerMessage {
     /// An answer.
     Answer(Answer),
-    /// The worker died.
-    Gone,
+    /// The worker process has ended.
+    Exited,
 }
 
 /// A worker's process.
 #[derive(Debug)]
 pub struct Worker {
     child: Child,
-    orders: Option<ChildStdin>,
-    said: Arc<Mutex<String>>,
+    stdin: Option<ChildStdin>,
+    output_tail: Arc<Mutex<String>>,
 }
 
 impl Worker {
-    /// Starts worker number `number`; its messages go to `words` with the number.
+    /// Starts worker number `number`; its messages go to `messages` with the number.
     ///
     /// The kernel kills it when the thread that starts it dies, so this must be called from the main thread.
-    pub fn start(number: usize, words: &Sender<(usize, Word)>) -> io::Result<Worker> {
+    pub fn start(number: usize, messages: &Sender<(usize, WorkerMessage)>) -> io::Result<Worker> {
         let mut command = crate::run::own_program();
         command
             .arg("campaign-worker")
@@ -148,80 +148,85 @@ impl Worker {
             .stderr(Stdio::piped());
         crate::run::tie(&mut command);
         let mut child = command.spawn()?;
-        let orders = child.stdin.take();
-        let said = Arc::new(Mutex::new(String::new()));
-        let mut listeners = Vec::new();
+        let stdin = child.stdin.take();
+        let output_tail = Arc::new(Mutex::new(String::new()));
+        let mut stderr_readers = Vec::new();
         if let Some(errors) = child.stderr.take() {
-            let said = said.clone();
-            listeners.push(std::thread::spawn(move || {
+            let output_tail = output_tail.clone();
+            stderr_readers.push(std::thread::spawn(move || {
                 for line in BufReader::new(errors).lines().map_while(Result::ok) {
-                    let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
-                    hear(&mut said, &line);
+                    let mut output_tail = output_tail.lock().unwrap_or_else(PoisonError::into_inner);
+                    append_output(&mut output_tail, &line);
                 }
             }));
         }
         if let Some(answers) = child.stdout.take() {
-            let words = words.clone();
+            let messages = messages.clone();
             std::thread::spawn(move || {
                 for line in BufReader::new(answers).lines().map_while(Result::ok) {
                     // Other lines were printed by a user's model, and are ignored.
                     if let Ok(answer) = serde_json::from_str(&line)
-                        && words.send((number, Word::Answer(answer))).is_err()
+                        && messages.send((number, WorkerMessage::Answer(answer))).is_err()
                     {
                         return;
                     }
                 }
-                listeners.into_iter().for_each(|listener| drop(listener.join()));
-                let _ = words.send((number, Word::Gone));
+                stderr_readers.into_iter().for_each(|reader| drop(reader.join()));
+                let _ = messages.send((number, WorkerMessage::Exited));
             });
         }
-        Ok(Worker { child, orders, said })
+        Ok(Worker {
+            child,
+            stdin,
+            output_tail,
+        })
     }
 
     /// Sends a point to the worker.
     ///
     /// # Errors
-    /// [`io::ErrorKind::BrokenPipe`] when the worker died; any other error is one of the task.
-    pub fn order(&mut self, task: &Task) -> io::Result<()> {
-        let orders = self.orders.as_mut().ok_or(io::ErrorKind::BrokenPipe)?;
+    /// [`io::ErrorKind::BrokenPipe`] when the worker process has ended; any other error is one of the task.
+    pub fn send(&mut self, task: &Task) -> io::Result<()> {
+        let stdin = self.stdin.as_mut().ok_or(io::ErrorKind::BrokenPipe)?;
         let line = serde_json::to_string(task)? + "\n";
-        orders.write_all(line.as_bytes())?;
-        orders.flush()
+        stdin.write_all(line.as_bytes())?;
+        stdin.flush()
     }
 
-    /// How the process ended and its last output, after its death.
+    /// How the process ended, and its last output; waits for the end of the process.
     pub fn exit_report(&mut self) -> String {
         let ending = match self.child.wait() {
             Ok(status) => crate::run::ending_of_process(status),
             Err(error) => error.to_string(),
         };
-        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
-        let said = said.trim();
-        if said.is_empty() {
+        let output_tail = self.output_tail.lock().unwrap_or_else(PoisonError::into_inner);
+        let output_tail = output_tail.trim();
+        if output_tail.is_empty() {
             format!("the process that ran it {ending}")
         } else {
-            format!("the process that ran it {ending}: {said}")
+            format!("the process that ran it {ending}: {output_tail}")
         }
     }
 
-    /// Asks the worker to end in order: a run in progress ends its own processes first.
+    /// Requests an orderly end of the worker: a run in progress ends its own processes first.
     pub fn shut_down(&mut self) {
-        self.orders = None;
+        self.stdin = None;
         let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
     }
 }
 
-/// Adds a line to what a worker has said, of which the end is kept: models may print there too, and the reason for a death comes last.
-fn hear(said: &mut String, line: &str) {
-    *said += line;
-    said.push(' ');
-    let start = (said.len().saturating_sub(SAID_MAX)..).find(|&at| said.is_char_boundary(at));
-    said.drain(..start.unwrap_or(0));
+/// Appends a line to the output of a worker, of which only the tail is kept: models may print there too, and the reason for an abnormal
+/// end comes last.
+fn append_output(output_tail: &mut String, line: &str) {
+    *output_tail += line;
+    output_tail.push(' ');
+    let start = (output_tail.len().saturating_sub(OUTPUT_MAX)..).find(|&at| output_tail.is_char_boundary(at));
+    output_tail.drain(..start.unwrap_or(0));
 }
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        self.orders = None;
+        self.stdin = None;
         let started = std::time::Instant::now();
         while started.elapsed().as_secs() < 2 {
             if !matches!(self.child.try_wait(), Ok(None)) {
@@ -239,18 +244,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn last_words_of_a_worker_are_kept() {
-        let mut said = String::new();
-        hear(&mut said, "first");
-        assert_eq!(said, "first ");
+    fn worker_output_tail_is_bounded_and_keeps_last_line() {
+        let mut output_tail = String::new();
+        append_output(&mut output_tail, "first");
+        assert_eq!(output_tail, "first ");
         for _ in 0..1000 {
-            hear(&mut said, "the ball is at 1 µm");
+            append_output(&mut output_tail, "the ball is at 1 µm");
         }
-        hear(&mut said, "it: the FMU called exit()");
-        assert!(said.len() <= SAID_MAX && said.len() > SAID_MAX - 4, "{}", said.len());
+        append_output(&mut output_tail, "it: the FMU called exit()");
         assert!(
-            said.ends_with("it: the FMU called exit() ") && !said.contains("first"),
-            "{said}"
+            output_tail.len() <= OUTPUT_MAX && output_tail.len() > OUTPUT_MAX - 4,
+            "{}",
+            output_tail.len()
+        );
+        assert!(
+            output_tail.ends_with("it: the FMU called exit() ") && !output_tail.contains("first"),
+            "{output_tail}"
         );
     }
 }

@@ -5,7 +5,7 @@ use lockstep::fault::{FaultWindow, LinkFault};
 use crate::scenario::spec::{FaultSpec, Time};
 
 /// The types of faults, by the key that distinguishes them.
-pub(super) enum Sort {
+pub(super) enum FaultType {
     Signal { port: String, output: bool },
     Link { connection: String },
     Substitution { participant: String },
@@ -14,7 +14,7 @@ pub(super) enum Sort {
 /// The key of an entry that is wrong, and why.
 pub(super) type Refusal = (String, String);
 
-const SORTS: [(&str, &[&str]); 4] = [
+const FAULT_TYPES: [(&str, &[&str]); 4] = [
     ("input", &["until", "field", "kind", "value", "bit", "probability"]),
     ("output", &["until", "field", "kind", "value", "bit", "probability"]),
     ("connection", &["until", "drop", "extra-delay"]),
@@ -23,46 +23,49 @@ const SORTS: [(&str, &[&str]); 4] = [
 
 impl FaultSpec {
     /// The type of the fault, after checking that it has no key of another type.
-    pub(super) fn sort(&self) -> Result<Sort, Refusal> {
-        let given = self.given();
-        let marks: Vec<&str> = SORTS
+    pub(super) fn fault_type(&self) -> Result<FaultType, Refusal> {
+        let given = self.given_keys();
+        let type_keys: Vec<&str> = FAULT_TYPES
             .iter()
-            .map(|(mark, _)| *mark)
-            .filter(|mark| given.iter().any(|key| key == mark))
+            .map(|(type_key, _)| *type_key)
+            .filter(|type_key| given.iter().any(|key| key == type_key))
             .collect();
-        let [mark] = marks[..] else {
+        let [type_key] = type_keys[..] else {
             let reason = format!(
                 "a fault has exactly one of `input`, `output`, `connection` and `substitute`; this one has {}",
-                if marks.is_empty() {
+                if type_keys.is_empty() {
                     "none".to_owned()
                 } else {
-                    marks.join(" and ")
+                    type_keys.join(" and ")
                 }
             );
-            return Err((marks.last().copied().unwrap_or_default().to_owned(), reason));
+            return Err((type_keys.last().copied().unwrap_or_default().to_owned(), reason));
         };
-        let (_, allowed) = SORTS.iter().find(|(own, _)| *own == mark).expect("it is one of them");
-        let known = |key: &str| key == mark || allowed.contains(&key);
-        if let Some(odd) = given.iter().find(|key| !known(key)) {
+        let (_, allowed) = FAULT_TYPES
+            .iter()
+            .find(|(own, _)| *own == type_key)
+            .expect("it is one of them");
+        let known = |key: &str| key == type_key || allowed.contains(&key);
+        if let Some(foreign) = given.iter().find(|key| !known(key)) {
             let reason = format!(
-                "does not belong to a fault with `{mark}`, which may have {}",
+                "does not belong to a fault with `{type_key}`, which may have {}",
                 allowed.join(", ")
             );
-            return Err(((*odd).to_owned(), reason));
+            return Err(((*foreign).to_owned(), reason));
         }
         Ok(match (&self.input, &self.output, &self.connection, &self.substitute) {
-            (Some(port), ..) => Sort::Signal {
+            (Some(port), ..) => FaultType::Signal {
                 port: port.clone(),
                 output: false,
             },
-            (_, Some(port), ..) => Sort::Signal {
+            (_, Some(port), ..) => FaultType::Signal {
                 port: port.clone(),
                 output: true,
             },
-            (.., Some(connection), _) => Sort::Link {
+            (.., Some(connection), _) => FaultType::Link {
                 connection: connection.clone(),
             },
-            (.., participant) => Sort::Substitution {
+            (.., participant) => FaultType::Substitution {
                 participant: participant.clone().unwrap_or_default(),
             },
         })

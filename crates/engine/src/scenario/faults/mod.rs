@@ -12,10 +12,10 @@ use lockstep::time::Rational;
 use super::entry::Entry;
 use super::error::Mistake;
 use super::names::Names;
-use super::source::Source;
+use super::source::SourceContext;
 use super::spec::{FaultSpec, State, Time};
-use entry::Sort;
-use signal::Signal;
+use entry::FaultType;
+use signal::DeclaredSignalFault;
 
 pub(super) use signal::values;
 
@@ -44,7 +44,7 @@ pub struct Substitution {
 /// The faults that act on samples: signal faults and link faults.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Faults {
-    signals: Vec<Signal>,
+    signals: Vec<DeclaredSignalFault>,
     /// The link faults, by connection.
     links: HashMap<String, Vec<LinkFault>>,
 }
@@ -56,8 +56,8 @@ impl Faults {
     }
 
     /// The keys of all faults that act on samples, with their start times.
-    pub(super) fn begins(&self) -> impl Iterator<Item = (String, Rational)> {
-        let signals = self.signals.iter().map(Signal::begin);
+    pub(super) fn start_times(&self) -> impl Iterator<Item = (String, Rational)> {
+        let signals = self.signals.iter().map(DeclaredSignalFault::start_time);
         let signals = signals.map(|(key, at)| (key.to_owned(), at));
         let links = self.links.values().flatten();
         signals.chain(links.map(|fault| (format!("faults.{}", fault.name), fault.span.at)))
@@ -67,7 +67,7 @@ impl Faults {
     /// not `certain` is left out.
     pub(super) fn signals(
         &self,
-        source: &Source,
+        source: &SourceContext,
         plan: &Plan,
         certain: impl Fn(usize) -> bool,
     ) -> Result<Vec<SignalFault>, Vec<Mistake>> {
@@ -84,14 +84,14 @@ impl Faults {
 
 /// Reads all entries, as far as possible without the ports of the participants.
 pub(super) fn read(
-    source: &Source,
+    source: &SourceContext,
     participants: &Names,
     resolved: &[Option<Entry>],
     connections: &Names,
     entries: &[FaultSpec],
-    broken: &BTreeSet<usize>,
+    unread: &BTreeSet<usize>,
 ) -> Result<(Faults, Vec<Substitution>), Vec<Mistake>> {
-    let mut reader = Reader {
+    let mut reader = FaultReader {
         source,
         participants,
         resolved,
@@ -100,7 +100,7 @@ pub(super) fn read(
         substitutions: Vec::new(),
     };
     let (mut mistakes, mut names) = (Vec::new(), HashSet::new());
-    let positions = (0..).filter(|position| !broken.contains(position));
+    let positions = (0..).filter(|position| !unread.contains(position));
     for (position, entry) in positions.zip(entries) {
         let name = super::names::fault_name(entry.name.as_deref(), position);
         let key = format!("faults.{name}");
@@ -110,7 +110,7 @@ pub(super) fn read(
         } else if names.contains(&name) {
             let reason = format!("two faults are called `{name}`: give one of them another name");
             mistakes.push(source.mistake(&format!("{key}.name"), reason));
-        } else if let Err(mistake) = reader.one(&name, &key, entry) {
+        } else if let Err(mistake) = reader.read_entry(&name, &key, entry) {
             mistakes.push(mistake);
         }
         names.insert(name);
@@ -123,8 +123,8 @@ pub(super) fn read(
     }
 }
 
-struct Reader<'a> {
-    source: &'a Source,
+struct FaultReader<'a> {
+    source: &'a SourceContext,
     participants: &'a Names,
     /// The participants; `None` for one that has mistakes itself.
     resolved: &'a [Option<Entry>],
@@ -133,8 +133,8 @@ struct Reader<'a> {
     substitutions: Vec<Substitution>,
 }
 
-impl Reader<'_> {
-    fn one(&mut self, name: &str, key: &str, entry: &FaultSpec) -> Result<(), Mistake> {
+impl FaultReader<'_> {
+    fn read_entry(&mut self, name: &str, key: &str, entry: &FaultSpec) -> Result<(), Mistake> {
         let refuse = |field: &str, reason: String| {
             let key = if field.is_empty() {
                 key.to_owned()
@@ -143,7 +143,7 @@ impl Reader<'_> {
             };
             self.source.mistake(&key, reason)
         };
-        let sort = entry.sort().map_err(|(field, reason)| refuse(&field, reason))?;
+        let fault_type = entry.fault_type().map_err(|(field, reason)| refuse(&field, reason))?;
         let (at, until) = (entry.at.checked(), entry.until.as_ref().map(Time::checked));
         if at.is_negative() {
             return Err(refuse("at", format!("{at} is before the start")));
@@ -153,9 +153,9 @@ impl Reader<'_> {
             return Err(refuse("until", reason));
         }
         let span = FaultWindow { at, until };
-        match sort {
-            Sort::Signal { port, output } => {
-                let signal = Signal::new(name, key, span, port, output, entry);
+        match fault_type {
+            FaultType::Signal { port, output } => {
+                let signal = DeclaredSignalFault::new(name, key, span, port, output, entry);
                 let signal = signal.map_err(|(field, reason)| refuse(&field, reason))?;
                 if !self.participants.contains(&signal.port.0) {
                     let reason = self.participants.unknown("participant", &signal.port.0);
@@ -163,7 +163,7 @@ impl Reader<'_> {
                 }
                 self.faults.signals.push(signal);
             }
-            Sort::Link { connection } => {
+            FaultType::Link { connection } => {
                 if !self.connections.contains(&connection) {
                     let reason = self.connections.unknown("connection", &connection);
                     return Err(refuse("connection", reason));
@@ -172,7 +172,7 @@ impl Reader<'_> {
                 let fault = fault.map_err(|(field, reason)| refuse(&field, reason))?;
                 self.faults.links.entry(connection).or_default().push(fault);
             }
-            Sort::Substitution { participant } => {
+            FaultType::Substitution { participant } => {
                 let number = self.participants.number(&participant);
                 let number = number.ok_or_else(|| {
                     let reason = self.participants.unknown("participant", &participant);

@@ -8,12 +8,12 @@ use lockstep::units;
 use toml::Value;
 
 use super::entry::Refusal;
-use crate::scenario::ports::{not_a_port, port};
+use crate::scenario::ports::{not_a_port, parse_port};
 use crate::scenario::spec::{FaultKind, FaultSpec};
 
-/// A signal fault, resolved as far as possible without the message that it disturbs.
+/// A signal fault, resolved as far as possible without the message that it affects.
 #[derive(Debug, Clone)]
-pub(super) struct Signal {
+pub(super) struct DeclaredSignalFault {
     name: String,
     /// Its key in the scenario.
     pub(super) key: String,
@@ -32,7 +32,7 @@ fn refusal(key: &str, reason: impl Into<String>) -> Refusal {
     (key.to_owned(), reason.into())
 }
 
-impl Signal {
+impl DeclaredSignalFault {
     pub(super) fn new(
         name: &str,
         key: &str,
@@ -40,7 +40,7 @@ impl Signal {
         at: String,
         output: bool,
         entry: &FaultSpec,
-    ) -> Result<Signal, Refusal> {
+    ) -> Result<DeclaredSignalFault, Refusal> {
         let side = if output { "output" } else { "input" };
         let kind = entry.kind.ok_or_else(|| {
             refusal(
@@ -48,11 +48,11 @@ impl Signal {
                 "`kind` is missing: bias, scale, ramp, noise, stuck, dropout or bit-flip",
             )
         })?;
-        let signal = Signal {
+        let signal = DeclaredSignalFault {
             name: name.to_owned(),
             key: key.to_owned(),
             span,
-            port: port(&at).ok_or_else(|| refusal(side, not_a_port(&at)))?,
+            port: parse_port(&at).ok_or_else(|| refusal(side, not_a_port(&at)))?,
             output,
             field: entry.field.clone(),
             kind,
@@ -65,14 +65,14 @@ impl Signal {
     }
 
     /// Its key, and its start time.
-    pub(super) fn begin(&self) -> (&str, Rational) {
+    pub(super) fn start_time(&self) -> (&str, Rational) {
         (&self.key, self.span.at)
     }
 
     /// Checks that all keys that its kind needs are given, and no others.
     fn check(&self, entry: &FaultSpec) -> Result<(), Refusal> {
         let kind = self.kind.name();
-        let chance = self.kind.may_spare();
+        let chance = self.kind.is_intermittent();
         if entry.probability.is_some() && !chance {
             return Err(refusal("probability", format!("a {kind} has none: it is always there")));
         }
@@ -134,9 +134,9 @@ impl Signal {
                 .collect()
         };
         let found = ports.iter().position(|(own, _)| *own == name);
-        let guessed = |at: usize| !certain(number) && ports[at].1.name == "unknown";
+        let is_assumed = |at: usize| !certain(number) && ports[at].1.name == "unknown";
         let position = match found {
-            Some(at) if guessed(at) => return Ok(None),
+            Some(at) if is_assumed(at) => return Ok(None),
             Some(at) => at,
             None if !certain(number) => return Ok(None),
             None => {
@@ -163,7 +163,7 @@ impl Signal {
             span: self.span,
             effect: self.effect(field, &slots)?,
             slots,
-            words: self.words(),
+            words: self.description(),
         }))
     }
 
@@ -253,7 +253,7 @@ impl Signal {
     }
 
     /// `controller.measured q[3]: bias 0.2 deg`
-    fn words(&self) -> String {
+    fn description(&self) -> String {
         let mut words = format!("{}.{}", self.port.0, self.port.1);
         if let Some(field) = &self.field {
             words += &format!(" {field}");
@@ -277,7 +277,7 @@ pub(in crate::scenario) fn values(value: &Value, unit: &str, count: usize) -> Re
     let (numbers, listed) = match value {
         Value::String(text) => units::convert(text, unit).map_err(|error| error.to_string())?,
         bare if unit == "1" => {
-            plain(bare).ok_or_else(|| format!("`{bare}` is neither a number nor a list of numbers"))?
+            plain_numbers(bare).ok_or_else(|| format!("`{bare}` is neither a number nor a list of numbers"))?
         }
         other => {
             return Err(format!(
@@ -294,7 +294,7 @@ pub(in crate::scenario) fn values(value: &Value, unit: &str, count: usize) -> Re
     }
 }
 
-fn plain(value: &Value) -> Option<(Vec<f64>, bool)> {
+fn plain_numbers(value: &Value) -> Option<(Vec<f64>, bool)> {
     let number = |value: &Value| match value {
         Value::Float(number) => Some(*number),
         Value::Integer(number) => Some(*number as f64),

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use toml::Value;
 
-use crate::scenario::ports::End;
+use crate::scenario::ports::ConnectionEnd;
 use crate::scenario::spec::ConnectionSpec;
 
 /// The key of the connection that is wrong, and why.
@@ -11,8 +11,8 @@ pub(in crate::scenario) type Refusal = (&'static str, String);
 
 /// How an element or a field of the input is composed.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Recipe {
-    pub(super) terms: Vec<Part>,
+pub(super) struct FieldComposition {
+    pub(super) terms: Vec<SourceTerm>,
     pub(super) offset: Option<Value>,
     /// Its constant value.
     pub(super) value: Option<Value>,
@@ -20,40 +20,44 @@ pub(super) struct Recipe {
 
 /// A field or an element of the output.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Part {
+pub(super) struct SourceTerm {
     pub(super) from: String,
     pub(super) factor: Option<Value>,
 }
 
 /// How the fields of the input are composed.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Wiring {
+pub(super) enum FieldMapping {
     /// The payload is passed on unchanged.
-    Whole,
+    Unchanged,
     /// Every field of the input from the field of the same name.
     ByName,
     /// Fields or elements of the input, with how each is composed.
-    Named(Vec<(String, Recipe)>),
+    Named(Vec<(String, FieldComposition)>),
 }
 
 /// A table in a map.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table such as { from = \"FIELD\", factor = 2 }")]
-struct Written {
+struct MapEntry {
     from: Option<String>,
     factor: Option<Value>,
     offset: Option<Value>,
     value: Option<Value>,
 }
 
-impl Wiring {
+impl FieldMapping {
     /// Whether no fields are named.
-    pub(super) fn is_whole(&self) -> bool {
-        *self == Wiring::Whole
+    pub(super) fn is_unchanged(&self) -> bool {
+        *self == FieldMapping::Unchanged
     }
 
     /// The wiring that `connection` declares for its link from `from` to `to`.
-    pub(super) fn of(connection: &ConnectionSpec, from: End<'_>, to: End<'_>) -> Result<Wiring, Refusal> {
+    pub(super) fn of(
+        connection: &ConnectionSpec,
+        from: ConnectionEnd<'_>,
+        to: ConnectionEnd<'_>,
+    ) -> Result<FieldMapping, Refusal> {
         let fields = from.field.is_some() || to.field.is_some();
         if let (Some(_), true) = (&connection.map, fields) {
             let reason = "stands beside a field in `from` or `to`: name the ports there, or leave the map out";
@@ -70,23 +74,23 @@ impl Wiring {
             }
         }
         match (&connection.map, from.field, to.field) {
-            (Some(map), ..) => Wiring::mapped(map).map_err(|reason| ("map", reason)),
+            (Some(map), ..) => FieldMapping::parse_map(map).map_err(|reason| ("map", reason)),
             (None, None, None) if connection.sum => {
                 let reason = "adds up fields: name them in `from` and `to`, or in a map";
                 Err(("sum", reason.into()))
             }
-            (None, None, None) => Ok(Wiring::Whole),
+            (None, None, None) => Ok(FieldMapping::Unchanged),
             (None, Some(field), Some(to)) => {
-                let part = Part {
+                let part = SourceTerm {
                     from: field.to_owned(),
                     factor: connection.factor.clone(),
                 };
-                let recipe = Recipe {
+                let composition = FieldComposition {
                     terms: vec![part],
                     offset: connection.offset.clone(),
                     value: None,
                 };
-                Ok(Wiring::Named(vec![(to.to_owned(), recipe)]))
+                Ok(FieldMapping::Named(vec![(to.to_owned(), composition)]))
             }
             (None, Some(field), None) => {
                 let reason = format!(
@@ -105,32 +109,36 @@ impl Wiring {
         }
     }
 
-    /// The same with the names of fields that `takes` and `sends` give for those that are written.
-    pub(super) fn named(self, takes: impl Fn(&str) -> String, sends: impl Fn(&str) -> String) -> Wiring {
-        let Wiring::Named(fields) = self else {
+    /// The same with the names of fields that `input` and `output` give for those that are written.
+    pub(super) fn resolve_aliases(
+        self,
+        input: impl Fn(&str) -> String,
+        output: impl Fn(&str) -> String,
+    ) -> FieldMapping {
+        let FieldMapping::Named(fields) = self else {
             return self;
         };
-        let part = |part: Part| Part {
-            from: sends(&part.from),
+        let part = |part: SourceTerm| SourceTerm {
+            from: output(&part.from),
             ..part
         };
-        let fields = fields.into_iter().map(|(to, recipe)| {
-            let terms = recipe.terms.into_iter().map(part).collect();
-            (takes(&to), Recipe { terms, ..recipe })
+        let fields = fields.into_iter().map(|(to, composition)| {
+            let terms = composition.terms.into_iter().map(part).collect();
+            (input(&to), FieldComposition { terms, ..composition })
         });
-        Wiring::Named(fields.collect())
+        FieldMapping::Named(fields.collect())
     }
 
-    fn mapped(map: &Value) -> Result<Wiring, String> {
+    fn parse_map(map: &Value) -> Result<FieldMapping, String> {
         match map {
-            Value::String(text) if text == "by-name" => Ok(Wiring::ByName),
+            Value::String(text) if text == "by-name" => Ok(FieldMapping::ByName),
             Value::Table(table) if table.is_empty() => Err("is empty: name a field".to_owned()),
             Value::Table(table) => {
                 let named = table.iter().map(|(to, value)| {
-                    let recipe = Recipe::read(value).map_err(|reason| format!("`{to}`: {reason}"))?;
-                    Ok((to.clone(), recipe))
+                    let composition = FieldComposition::parse(value).map_err(|reason| format!("`{to}`: {reason}"))?;
+                    Ok((to.clone(), composition))
                 });
-                Ok(Wiring::Named(named.collect::<Result<_, String>>()?))
+                Ok(FieldMapping::Named(named.collect::<Result<_, String>>()?))
             }
             other => Err(format!(
                 "`{other}` is not a map: write {{ INPUT-FIELD = \"OUTPUT-FIELD\", … }} or \"by-name\""
@@ -139,19 +147,19 @@ impl Wiring {
     }
 }
 
-impl Recipe {
-    fn read(value: &Value) -> Result<Recipe, String> {
+impl FieldComposition {
+    fn parse(value: &Value) -> Result<FieldComposition, String> {
         match value {
-            Value::String(from) => Ok(Recipe::one(from.clone(), None)),
-            Value::Integer(_) | Value::Float(_) | Value::Boolean(_) => Ok(Recipe {
+            Value::String(from) => Ok(FieldComposition::single(from.clone(), None)),
+            Value::Integer(_) | Value::Float(_) | Value::Boolean(_) => Ok(FieldComposition {
                 value: Some(value.clone()),
-                ..Recipe::default()
+                ..FieldComposition::default()
             }),
-            Value::Table(_) => Recipe::written(value),
+            Value::Table(_) => FieldComposition::parse_table(value),
             Value::Array(parts) if !parts.is_empty() => {
-                let mut sum = Recipe::default();
+                let mut sum = FieldComposition::default();
                 for part in parts {
-                    let part = Recipe::read(part)?;
+                    let part = FieldComposition::parse(part)?;
                     if part.terms.is_empty() || part.offset.is_some() {
                         let reason = "what a sum adds up are fields, with factors: write an offset as one of a connection or field";
                         return Err(reason.to_owned());
@@ -167,40 +175,40 @@ impl Recipe {
         }
     }
 
-    fn written(value: &Value) -> Result<Recipe, String> {
-        let written: Written = value.clone().try_into().map_err(|error| toml_words(&error))?;
-        match written {
-            Written {
+    fn parse_table(value: &Value) -> Result<FieldComposition, String> {
+        let entry: MapEntry = value.clone().try_into().map_err(|error| toml_message(&error))?;
+        match entry {
+            MapEntry {
                 from: Some(from),
                 factor,
                 offset,
                 value: None,
-            } => Ok(Recipe {
+            } => Ok(FieldComposition {
                 offset,
-                ..Recipe::one(from, factor)
+                ..FieldComposition::single(from, factor)
             }),
-            Written {
+            MapEntry {
                 from: None,
                 factor: None,
                 offset: None,
                 value: Some(value),
-            } => Ok(Recipe {
+            } => Ok(FieldComposition {
                 value: Some(value),
-                ..Recipe::default()
+                ..FieldComposition::default()
             }),
             _ => Err("give it `from`, with `factor` and `offset` if needed, or `value` alone".to_owned()),
         }
     }
 
-    fn one(from: String, factor: Option<Value>) -> Recipe {
-        Recipe {
-            terms: vec![Part { from, factor }],
-            ..Recipe::default()
+    fn single(from: String, factor: Option<Value>) -> FieldComposition {
+        FieldComposition {
+            terms: vec![SourceTerm { from, factor }],
+            ..FieldComposition::default()
         }
     }
 }
 
 /// What is wrong with a table, in one line.
-fn toml_words(error: &toml::de::Error) -> String {
+fn toml_message(error: &toml::de::Error) -> String {
     error.message().trim().to_owned()
 }

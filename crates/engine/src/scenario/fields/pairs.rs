@@ -6,28 +6,28 @@ use lockstep::port::{Descriptor, Element, Field};
 use lockstep::units;
 use toml::Value;
 
-use super::entry::{Part, Recipe, Wiring};
+use super::entry::{FieldComposition, FieldMapping, SourceTerm};
 use crate::scenario::faults::values;
 use crate::scenario::symbols::symbols;
 
 /// The ports at the ends of a link, and the settings of the connection for all of its fields.
-pub(super) struct Ports<'a> {
-    pub(super) sends: &'a Descriptor,
-    pub(super) takes: &'a Descriptor,
+pub(super) struct LinkPorts<'a> {
+    pub(super) output: &'a Descriptor,
+    pub(super) input: &'a Descriptor,
     pub(super) adds: bool,
     pub(super) any_frames: bool,
 }
 
 /// Adjacent elements of a field.
-struct Run<'a> {
+struct ElementRange<'a> {
     name: &'a str,
     field: &'a Field,
     first: Slot,
     count: usize,
 }
 
-impl<'a> Run<'a> {
-    fn find(descriptor: &'a Descriptor, name: &'a str) -> Result<Run<'a>, String> {
+impl<'a> ElementRange<'a> {
+    fn find(descriptor: &'a Descriptor, name: &'a str) -> Result<ElementRange<'a>, String> {
         let Some((field, elements)) = descriptor.resolve(name) else {
             let known: Vec<String> = descriptor.fields.iter().map(|field| format!("`{field}`")).collect();
             return Err(format!(
@@ -36,7 +36,7 @@ impl<'a> Run<'a> {
                 known.join("; ")
             ));
         };
-        Ok(Run {
+        Ok(ElementRange {
             name,
             field,
             first: Slot::element_of(field, elements.start),
@@ -50,87 +50,88 @@ impl<'a> Run<'a> {
 }
 
 /// The elements that are fed when the source fields are not known: as if they were constant.
-pub(super) fn targets(wiring: &Wiring, takes: &Descriptor, adds: bool) -> Vec<Pair> {
-    let names: Vec<&str> = match wiring {
-        Wiring::Whole => Vec::new(),
-        Wiring::ByName => meant(takes).map(|field| field.name.as_str()).collect(),
-        Wiring::Named(named) => named.iter().map(|(to, _)| to.as_str()).collect(),
+pub(super) fn targets(mapping: &FieldMapping, input: &Descriptor, adds: bool) -> Vec<Pair> {
+    let names: Vec<&str> = match mapping {
+        FieldMapping::Unchanged => Vec::new(),
+        FieldMapping::ByName => fields_without_padding(input).map(|field| field.name.as_str()).collect(),
+        FieldMapping::Named(named) => named.iter().map(|(to, _)| to.as_str()).collect(),
     };
-    let runs = names.into_iter().filter_map(|name| Run::find(takes, name).ok());
-    let pair = |run: Run<'_>| Pair {
-        to: run.first,
-        count: run.count as u32,
+    let ranges = names
+        .into_iter()
+        .filter_map(|name| ElementRange::find(input, name).ok());
+    let pair = |range: ElementRange<'_>| Pair {
+        to: range.first,
+        count: range.count as u32,
         terms: Vec::new(),
         offset: 0.0,
         adds,
     };
-    runs.map(pair).collect()
+    ranges.map(pair).collect()
 }
 
 /// The fields that a connection by name feeds. Padding is not fed: a field of the output with its name has another meaning.
-fn meant(takes: &Descriptor) -> impl Iterator<Item = &Field> {
-    takes.fields.iter().filter(|field| !field.is_padding())
+fn fields_without_padding(input: &Descriptor) -> impl Iterator<Item = &Field> {
+    input.fields.iter().filter(|field| !field.is_padding())
 }
 
-impl Ports<'_> {
+impl LinkPorts<'_> {
     /// Every field of the input from the field of the same name.
     pub(super) fn by_name(&self) -> Result<Vec<Pair>, String> {
-        let each = meant(self.takes).map(|field| {
-            let part = Part {
+        let each = fields_without_padding(self.input).map(|field| {
+            let part = SourceTerm {
                 from: field.name.clone(),
                 factor: None,
             };
-            let recipe = Recipe {
+            let composition = FieldComposition {
                 terms: vec![part],
-                ..Recipe::default()
+                ..FieldComposition::default()
             };
-            self.pairs(&field.name, &recipe)
+            self.pairs(&field.name, &composition)
         });
         Ok(each.collect::<Result<Vec<Vec<Pair>>, String>>()?.concat())
     }
 
     /// The pairs for the field or element `to` of the input.
-    pub(super) fn pairs(&self, to: &str, recipe: &Recipe) -> Result<Vec<Pair>, String> {
-        let run = Run::find(self.takes, to)?;
-        let terms = recipe.terms.iter().map(|part| self.term(&run, part));
+    pub(super) fn pairs(&self, to: &str, composition: &FieldComposition) -> Result<Vec<Pair>, String> {
+        let range = ElementRange::find(self.input, to)?;
+        let terms = composition.terms.iter().map(|part| self.term(&range, part));
         let terms: Vec<Term> = terms.collect::<Result<_, String>>()?;
-        let offsets = match (&recipe.value, &recipe.offset) {
-            (Some(value), _) => constants(&run, value)?,
-            (None, Some(offset)) => {
-                values(offset, &run.field.unit, run.count).map_err(|reason| format!("`{to}`: the offset {reason}"))?
-            }
+        let offsets = match (&composition.value, &composition.offset) {
+            (Some(value), _) => constants(&range, value)?,
+            (None, Some(offset)) => values(offset, &range.field.unit, range.count)
+                .map_err(|reason| format!("`{to}`: the offset {reason}"))?,
             (None, None) => vec![0.0],
         };
         let pair = |number: u32, count: u32, offset: f64| Pair {
             to: Slot {
-                offset: run.first.offset + number * run.first.element.size() as u32,
-                ..run.first
+                offset: range.first.offset + number * range.first.element.size() as u32,
+                ..range.first
             },
             count,
-            terms: terms.iter().map(|term| after(term, number)).collect(),
+            terms: terms.iter().map(|term| offset_term(term, number)).collect(),
             offset,
             adds: self.adds,
         };
         let same = offsets.iter().all(|offset| offset.to_bits() == offsets[0].to_bits());
         let pairs: Vec<Pair> = if same {
-            vec![pair(0, run.count as u32, offsets[0])]
+            vec![pair(0, range.count as u32, offsets[0])]
         } else {
             let each = offsets.iter().enumerate();
             each.map(|(number, &offset)| pair(number as u32, 1, offset)).collect()
         };
         let computed = pairs.iter().any(|pair| !pair.terms.is_empty() && !pair.copies());
-        if (computed || self.adds) && !run.field.element.is_float() {
+        if (computed || self.adds) && !range.field.element.is_float() {
             return Err(format!(
                 "`{}` is made of values that are taken over as they are: leave `factor`, `offset`, sums and other units out, or make it \
                  f64",
-                run.field
+                range.field
             ));
         }
         if computed || self.adds {
-            let mut parts = recipe
+            let mut parts = composition
                 .terms
                 .iter()
-                .filter_map(|part| Run::find(self.sends, &part.from).ok());
+                .filter_map(|part| ElementRange::find(self.output, &part.from).ok());
             let symbol = |field: &Field| field.element == Element::Enum || field.element.room().is_some();
             if let Some(part) = parts.find(|part| symbol(part.field)) {
                 return Err(format!(
@@ -142,17 +143,17 @@ impl Ports<'_> {
         Ok(pairs)
     }
 
-    fn term(&self, to: &Run<'_>, part: &Part) -> Result<Term, String> {
-        let from = Run::find(self.sends, &part.from)?;
+    fn term(&self, to: &ElementRange<'_>, part: &SourceTerm) -> Result<Term, String> {
+        let from = ElementRange::find(self.output, &part.from)?;
         let shapes = from.is_whole() && to.is_whole() && from.count > 1 && from.field.shape != to.field.shape;
         if from.count != to.count || shapes {
             return Err(format!(
                 "`{}` has {} of `{}` and `{}` has {} of `{}`: name elements, such as `{}`, or fields of one shape",
                 from.name,
-                elements(from.count),
+                element_count(from.count),
                 from.field,
                 to.name,
-                elements(to.count),
+                element_count(to.count),
                 to.field,
                 if from.count > to.count { &from } else { to }.field.element_name(0)
             ));
@@ -164,16 +165,16 @@ impl Ports<'_> {
             ));
         }
         if to.field.element == Element::Enum {
-            let mut lost = (from.field.values.iter()).filter(|named| !to.field.values.contains(named));
-            if let Some(lost) = lost.next() {
+            let mut missing = (from.field.values.iter()).filter(|named| !to.field.values.contains(named));
+            if let Some(missing) = missing.next() {
                 return Err(format!(
                     "`{}` cannot be `{}`: it has no value `{}` ({}); make the input the same enumeration, or u8",
-                    to.field, from.field, lost.name, lost.value
+                    to.field, from.field, missing.name, missing.value
                 ));
             }
         }
-        let (ours, theirs) = (&from.field.frame, &to.field.frame);
-        if !self.any_frames && !ours.is_empty() && !theirs.is_empty() && ours != theirs {
+        let (from_frame, to_frame) = (&from.field.frame, &to.field.frame);
+        if !self.any_frames && !from_frame.is_empty() && !to_frame.is_empty() && from_frame != to_frame {
             return Err(format!(
                 "`{}` is not in the frame of `{}`: write frames = \"any\" in the connection if the numbers are meant all the same",
                 from.field, to.field
@@ -188,7 +189,7 @@ impl Ports<'_> {
     }
 }
 
-fn after(term: &Term, number: u32) -> Term {
+fn offset_term(term: &Term, number: u32) -> Term {
     let from = Slot {
         offset: term.from.offset + number * term.from.element.size() as u32,
         ..term.from
@@ -196,7 +197,7 @@ fn after(term: &Term, number: u32) -> Term {
     Term { from, ..*term }
 }
 
-fn elements(count: usize) -> String {
+fn element_count(count: usize) -> String {
     if count == 1 {
         "one element".to_owned()
     } else {
@@ -205,7 +206,7 @@ fn elements(count: usize) -> String {
 }
 
 /// The factor by which values of `from` are multiplied.
-fn scale(part: &Part, from: &Field, to: &Field) -> Result<f64, String> {
+fn scale(part: &SourceTerm, from: &Field, to: &Field) -> Result<f64, String> {
     let one = |text: &str| {
         let (values, listed) = units::convert(text, &to.unit).map_err(|error| {
             format!("{error}; a factor with a unit, such as factor = \"2 N/m\", makes one dimension of another")
@@ -245,21 +246,21 @@ fn product(factor: &str, unit: &str) -> String {
     }
 }
 
-/// The constant values of the elements of `run`.
-fn constants(run: &Run<'_>, value: &Value) -> Result<Vec<f64>, String> {
-    if run.field.element.room().is_some() {
+/// The constant values of the elements of `range`.
+fn constants(range: &ElementRange<'_>, value: &Value) -> Result<Vec<f64>, String> {
+    if range.field.element.room().is_some() {
         return Err(format!(
             "`{}` has no constant: let a participant give it, or say `initial`",
-            run.field
+            range.field
         ));
     }
-    if !run.field.element.is_number() {
-        return symbols(value, run.field, run.count).map_err(|reason| format!("`{}`: {reason}", run.field));
+    if !range.field.element.is_number() {
+        return symbols(value, range.field, range.count).map_err(|reason| format!("`{}`: {reason}", range.field));
     }
     // A plain number is in the unit of the field, as in a start value.
-    let unit = if value.is_str() { run.field.unit.as_str() } else { "1" };
-    let numbers = values(value, unit, run.count).map_err(|reason| format!("`{}`: the value {reason}", run.name))?;
-    let element = run.field.element;
+    let unit = if value.is_str() { range.field.unit.as_str() } else { "1" };
+    let numbers = values(value, unit, range.count).map_err(|reason| format!("`{}`: the value {reason}", range.name))?;
+    let element = range.field.element;
     for number in &numbers {
         let mut bytes = [0; 8];
         element.put(*number, &mut bytes[..element.size()]);
@@ -269,7 +270,7 @@ fn constants(run: &Run<'_>, value: &Value) -> Result<Vec<f64>, String> {
         if !number.is_finite() || large || (!exact && !element.is_float()) {
             return Err(format!(
                 "`{}` cannot always be {number}: write a value that it holds",
-                run.field
+                range.field
             ));
         }
     }
@@ -300,8 +301,8 @@ mod tests {
     }
 
     #[test]
-    fn padding_takes_no_field_of_its_name() {
-        let takes = message(
+    fn connection_by_name_leaves_padding_unfed() {
+        let input = message(
             &[
                 ("x", Element::F64, &[], 0),
                 ("n", Element::U8, &[], 8),
@@ -309,7 +310,7 @@ mod tests {
             ],
             16,
         );
-        let gives = [
+        let outputs = [
             // A value with a meaning, and padding of another length.
             message(
                 &[
@@ -329,10 +330,10 @@ mod tests {
                 16,
             ),
         ];
-        for (sends, fits) in gives.iter().zip([true, false]) {
-            let ports = Ports {
-                sends,
-                takes: &takes,
+        for (output, fits) in outputs.iter().zip([true, false]) {
+            let ports = LinkPorts {
+                output,
+                input: &input,
                 adds: false,
                 any_frames: false,
             };
@@ -346,7 +347,7 @@ mod tests {
                 Err(reason) => assert!(!fits && reason.starts_with("`n` has"), "{reason}"),
             }
         }
-        let fed = targets(&Wiring::ByName, &takes, false);
+        let fed = targets(&FieldMapping::ByName, &input, false);
         assert_eq!(fed.iter().map(|pair| pair.to.offset).collect::<Vec<_>>(), [0, 8]);
     }
 }

@@ -3,7 +3,7 @@
 use lockstep::units;
 use toml::Value;
 
-use super::refusal::{Refusal, converted, refusal};
+use super::refusal::{Refusal, conversion_factor, refusal};
 use crate::measures::{Compute, Limits};
 use crate::scenario::faults::values;
 use crate::scenario::spec::{MeasureKind, MeasureSpec};
@@ -99,8 +99,8 @@ impl MeasureSpec {
     }
 
     /// The computation on a signal in `unit`.
-    pub(super) fn computed(&self, unit: &str) -> Result<Compute, Refusal> {
-        let threshold = || single("threshold", self.threshold.as_ref(), unit);
+    pub(super) fn computation(&self, unit: &str) -> Result<Compute, Refusal> {
+        let threshold = || parse_single("threshold", self.threshold.as_ref(), unit);
         Ok(match self.compute {
             MeasureKind::Min => Compute::Min,
             MeasureKind::Max => Compute::Max,
@@ -117,7 +117,7 @@ impl MeasureSpec {
             MeasureKind::TimeBelow => Compute::TimeBelow(threshold()?),
             MeasureKind::FirstCrossing => Compute::FirstCrossing(threshold()?),
             MeasureKind::SettlingTime => {
-                let (low, high) = pair("band", self.band.as_ref(), unit)?;
+                let (low, high) = parse_bounds("band", self.band.as_ref(), unit)?;
                 Compute::SettlingTime(low, high)
             }
             MeasureKind::Changes => Compute::Changes,
@@ -129,14 +129,14 @@ impl MeasureSpec {
     pub(super) fn limits(&self, unit: &str) -> Result<Limits, Refusal> {
         let (mut at_least, mut at_most) = (None, None);
         if self.within.is_some() {
-            let (low, high) = pair("within", self.within.as_ref(), unit)?;
+            let (low, high) = parse_bounds("within", self.within.as_ref(), unit)?;
             (at_least, at_most) = (Some(low), Some(high));
         }
         if self.at_least.is_some() {
-            at_least = Some(single("at-least", self.at_least.as_ref(), unit)?);
+            at_least = Some(parse_single("at-least", self.at_least.as_ref(), unit)?);
         }
         if self.at_most.is_some() {
-            at_most = Some(single("at-most", self.at_most.as_ref(), unit)?);
+            at_most = Some(parse_single("at-most", self.at_most.as_ref(), unit)?);
         }
         if let (Some(least), Some(most), Some(low), Some(high)) = (&self.at_least, &self.at_most, at_least, at_most)
             && low > high
@@ -154,19 +154,19 @@ impl MeasureSpec {
         Ok(Limits {
             at_most,
             at_least,
-            scale: converted(stated, unit).unwrap_or(1.0),
+            scale: conversion_factor(stated, unit).unwrap_or(1.0),
             unit: stated.to_owned(),
         })
     }
 }
 
-fn single(key: &str, value: Option<&Value>, unit: &str) -> Result<f64, Refusal> {
+fn parse_single(key: &str, value: Option<&Value>, unit: &str) -> Result<f64, Refusal> {
     let value = value.ok_or_else(|| (key.to_owned(), "is missing".to_owned()))?;
     let numbers = values(value, unit, 1).map_err(|reason| (key.to_owned(), reason))?;
     Ok(numbers[0])
 }
 
-fn pair(key: &str, value: Option<&Value>, unit: &str) -> Result<(f64, f64), Refusal> {
+fn parse_bounds(key: &str, value: Option<&Value>, unit: &str) -> Result<(f64, f64), Refusal> {
     let value = value.ok_or_else(|| (key.to_owned(), "is missing".to_owned()))?;
     let numbers = values(value, unit, 2).map_err(|reason| (key.to_owned(), reason))?;
     match numbers[..] {

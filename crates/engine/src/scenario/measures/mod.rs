@@ -1,8 +1,8 @@
 //! `[measures.NAME]`: figures declared by the scenario, and their limits.
 
-mod chosen;
 mod entry;
 mod refusal;
+mod selected_elements;
 
 use std::path::Path;
 
@@ -13,10 +13,10 @@ use toml::{Table, Value};
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::recorded::leaves_out;
 use crate::scenario::spec::{Entries, MeasureKind, MeasureSpec, Origin, ThroughKind, Time};
-use crate::scenario::spec::{Measured, measured};
-use chosen::Chosen;
+use crate::scenario::spec::{MeasureTables, read_measures};
 pub use refusal::Refusal;
-use refusal::{converted, refusal};
+use refusal::{conversion_factor, refusal};
+use selected_elements::SelectedElements;
 
 use crate::measures::{Definition, Through};
 
@@ -28,7 +28,7 @@ pub struct DeclaredMeasure {
 }
 
 /// Names of columns that every table of a campaign has.
-const TAKEN: [&str; 6] = ["point", "outcome", "reason", "tape", "seed", "case"];
+const RESERVED_NAMES: [&str; 6] = ["point", "outcome", "reason", "tape", "seed", "case"];
 
 impl DeclaredMeasure {
     /// The measure `name` that `table` declares.
@@ -49,7 +49,7 @@ impl DeclaredMeasure {
         if name.is_empty() || !name.bytes().all(plain) {
             return refusal("", "a measure is named with letters, digits, `_` and `-`");
         }
-        if TAKEN.contains(&name) {
+        if RESERVED_NAMES.contains(&name) {
             return refusal(
                 "",
                 "every table of a campaign has a column of that name: choose another one",
@@ -68,27 +68,27 @@ impl DeclaredMeasure {
     /// The key that does not fit them, and why.
     pub fn resolve(&self, streams: &[StreamSpec]) -> Result<Definition, Refusal> {
         let entry = &self.entry;
-        let of = Chosen::find(streams, "of", &entry.of)?;
+        let of = SelectedElements::find(streams, "of", &entry.of)?;
         let minus = match &entry.minus {
-            Some(path) => Some(Chosen::find(streams, "minus", path)?),
+            Some(path) => Some(SelectedElements::find(streams, "minus", path)?),
             None => None,
         };
-        let is = of.is(entry.is.as_ref())?;
+        let is = of.enum_value(entry.is.as_ref())?;
         let content = of.field.element.room().is_some();
         let counted = entry.compute == MeasureKind::Changes
             || !content && matches!(entry.compute, MeasureKind::Final | MeasureKind::At);
         if is.is_none() && (!counted || entry.through.is_some() || minus.is_some()) {
-            of.is_number("of")?;
-            minus.iter().try_for_each(|minus| minus.is_number("minus"))?;
+            of.check_number("of")?;
+            minus.iter().try_for_each(|minus| minus.check_number("minus"))?;
         }
         let factor = match &minus {
-            Some(minus) => minus.beside(&of)?,
+            Some(minus) => minus.factor_into(&of)?,
             None => 1.0,
         };
         let signal = match entry.through {
             Some(ThroughKind::Angle) => {
-                of.is_attitude("of")?;
-                minus.iter().try_for_each(|minus| minus.is_attitude("minus"))?;
+                of.check_attitude("of")?;
+                minus.iter().try_for_each(|minus| minus.check_attitude("minus"))?;
                 "rad"
             }
             Some(ThroughKind::Norm) if of.slots.len() < 2 => {
@@ -100,7 +100,7 @@ impl DeclaredMeasure {
         let (unit, scale) = match &entry.unit {
             Some(unit) => (
                 unit.clone(),
-                converted(&own, unit).map_err(|reason| ("unit".to_owned(), reason))?,
+                conversion_factor(&own, unit).map_err(|reason| ("unit".to_owned(), reason))?,
             ),
             None => (own.clone(), 1.0),
         };
@@ -112,7 +112,7 @@ impl DeclaredMeasure {
                 Some(ThroughKind::Norm) => Through::Norm,
                 Some(ThroughKind::Angle) => Through::Angle,
             },
-            compute: entry.computed(signal)?,
+            compute: entry.computation(signal)?,
             from: entry.from.as_ref().map(Time::checked),
             to: entry.to.as_ref().map(Time::checked),
             at: entry.at.as_ref().map(Time::checked),
@@ -131,7 +131,7 @@ impl DeclaredMeasure {
     }
 
     /// The key and the instant of a window that cannot contain any sample when the run ends at `end`.
-    pub(in crate::scenario) fn late(&self, end: Rational) -> Option<(String, Rational)> {
+    pub(in crate::scenario) fn window_after_end(&self, end: Rational) -> Option<(String, Rational)> {
         let time = |time: &Option<Time>| time.as_ref().map(Time::checked);
         let (key, time) = match (time(&self.entry.from), time(&self.entry.at)) {
             (Some(from), _) => ("from", from),
@@ -140,7 +140,7 @@ impl DeclaredMeasure {
         (time > end).then(|| (format!("measures.{}.{key}", self.name), time))
     }
 
-    fn key(&self, (key, reason): Refusal, origin: &Origin) -> Mistake {
+    fn mistake(&self, (key, reason): Refusal, origin: &Origin) -> Mistake {
         let dot = if key.is_empty() { "" } else { "." };
         origin.mistake(&format!("measures.{}{dot}{key}", self.name), reason)
     }
@@ -183,7 +183,7 @@ pub(in crate::scenario) fn definitions(
         }
         match measure.resolve(streams) {
             Ok(definition) => definitions.push(definition),
-            Err(wrong) => mistakes.push(measure.key(wrong, origin)),
+            Err(wrong) => mistakes.push(measure.mistake(wrong, origin)),
         }
     }
     if mistakes.is_empty() {
@@ -198,7 +198,7 @@ pub(in crate::scenario) fn definitions(
 /// # Errors
 /// Reports the lines and keys that are wrong, or that do not fit the streams.
 pub fn measures_of_file(file: &Path, streams: &[StreamSpec]) -> Result<Vec<Definition>, ScenarioError> {
-    let (declared, Measured { origin, .. }) = declared(file)?;
+    let (declared, MeasureTables { origin, .. }) = declared(file)?;
     definitions(&origin, &declared, streams, |_| true)
 }
 
@@ -207,7 +207,7 @@ pub fn measures_of_file(file: &Path, streams: &[StreamSpec]) -> Result<Vec<Defin
 /// # Errors
 /// As [`measures_of_file`], and if the tape does not have the samples that the run measured.
 pub fn measures_of_plan(file: &Path, streams: &[StreamSpec]) -> Result<Vec<Definition>, ScenarioError> {
-    let (declared, Measured { origin, record, .. }) = declared(file)?;
+    let (declared, MeasureTables { origin, record, .. }) = declared(file)?;
     let mistakes = declared.iter().filter_map(|measure| {
         let mut paths = std::iter::once(&measure.entry.of).chain(&measure.entry.minus);
         let part = paths.find(|path| {
@@ -229,8 +229,8 @@ pub fn measures_of_plan(file: &Path, streams: &[StreamSpec]) -> Result<Vec<Defin
 }
 
 /// The measures that `file` declares; there must be at least one.
-fn declared(file: &Path) -> Result<(Vec<DeclaredMeasure>, Measured), ScenarioError> {
-    let found = measured(file)?;
+fn declared(file: &Path) -> Result<(Vec<DeclaredMeasure>, MeasureTables), ScenarioError> {
+    let found = read_measures(file)?;
     if found.measures.is_empty() {
         let reason = "there is no table [measures.NAME] in it";
         return Err(found.origin.error(vec![found.origin.mistake("measures", reason)]));

@@ -10,7 +10,7 @@ pub(super) fn refusal<T>(key: &str, reason: impl Into<String>) -> Result<T, Refu
 }
 
 /// The factor from the unit `text` into the unit `unit`.
-pub(super) fn converted(text: &str, unit: &str) -> Result<f64, String> {
+pub(super) fn conversion_factor(text: &str, unit: &str) -> Result<f64, String> {
     if text == unit {
         return Ok(1.0);
     }

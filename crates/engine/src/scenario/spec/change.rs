@@ -4,7 +4,7 @@ use toml::{Table, Value};
 
 use super::fault_text;
 use super::origin::Origin;
-use super::whole::FOLDER;
+use super::scenario_spec::FOLDER;
 use crate::scenario::error::Mistake;
 use crate::scenario::names::fault_name;
 use crate::scenario::value::{checked_value, keep_decimal};
@@ -21,7 +21,7 @@ fn refuse(key: &str, reason: String) -> Mistake {
     }
 }
 
-/// Makes a change in a scenario's table: `key.path=value` or `faults+=entry`. `how` says how the change was made.
+/// Makes a change in a scenario's table: `key.path=value` or `faults+=entry`. `how` is the origin of the change.
 pub(super) fn change(table: &mut Table, origin: &mut Origin, one: &str, how: &'static str) -> Result<(), Mistake> {
     if let Some(entry) = one.strip_prefix("faults+=") {
         return add_fault(table, origin, entry, how);
@@ -35,7 +35,7 @@ pub(super) fn change(table: &mut Table, origin: &mut Origin, one: &str, how: &'s
     set(table, origin, key, value, how)
 }
 
-/// Sets `key` to `value`; `how` says where the change comes from.
+/// Sets `key` to `value`; `how` is the origin of the change.
 pub(super) fn set(
     mut table: &mut Table,
     origin: &mut Origin,
@@ -54,8 +54,8 @@ pub(super) fn set(
     }
     // Mistakes call an entry of a list by its name, so the change is known by it too, however the entry was called.
     let mut named: Vec<String> = parts.iter().map(|part| (*part).to_owned()).collect();
-    let mut way = above.iter().enumerate();
-    while let Some((depth, part)) = way.next() {
+    let mut segments = above.iter().enumerate();
+    while let Some((depth, part)) = segments.next() {
         let known: Vec<String> = table.keys().map(|name| format!("`{name}`")).collect();
         // Names of participants and connections must exist; keys below may be defaults that the file leaves out. A guard, a
         // measure, an entry of the report or the playback, or an entry of the recording may be new.
@@ -81,9 +81,9 @@ pub(super) fn set(
         table = match entry {
             Value::Table(inner) => inner,
             Value::Array(list) if list.iter().any(Value::is_table) => {
-                let part = way.next();
+                let part = segments.next();
                 let called = part.map(|(_, part)| *part);
-                let (name, entry) = entry_of(list, called, how).map_err(|reason| refuse(key, reason))?;
+                let (name, entry) = find_entry(list, called, how).map_err(|reason| refuse(key, reason))?;
                 if let Some((depth, _)) = part {
                     named[depth] = name;
                 }
@@ -99,7 +99,7 @@ pub(super) fn set(
         keep_decimal(&mut value, before);
     }
     table.insert((*last).to_owned(), value);
-    origin.change(named.join("."), how);
+    origin.record_change(named.join("."), how);
     Ok(())
 }
 
@@ -109,12 +109,12 @@ fn add_fault(table: &mut Table, origin: &mut Origin, text: &str, how: &'static s
     let position = table.get("faults").and_then(Value::as_array).map_or(0, Vec::len);
     let name = fault_name(entry.get("name").and_then(Value::as_str), position);
     fault_text::append(table, entry).map_err(refuse)?;
-    origin.change(format!("faults.{name}"), how);
+    origin.record_change(format!("faults.{name}"), how);
     Ok(())
 }
 
 /// An entry of a list of tables, by its name or its number, from 1; with its name.
-fn entry_of<'a>(list: &'a mut [Value], name: Option<&str>, how: &str) -> Result<(String, &'a mut Table), String> {
+fn find_entry<'a>(list: &'a mut [Value], name: Option<&str>, how: &str) -> Result<(String, &'a mut Table), String> {
     let names: Vec<String> = list
         .iter()
         .enumerate()

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::fault::FaultSpec;
 use super::run::RunSpec;
+use super::scenario_spec::ScenarioSpec;
 use super::time::Time;
-use super::whole::ScenarioSpec;
 use crate::scenario::error::{Mistake, ScenarioError};
 
 /// How a change was made: the end of a message about it.
@@ -56,7 +56,7 @@ impl Changes {
     }
 
     /// Whether a key that is set belongs to the program of a substitute, which it then changes or replaces.
-    pub(super) fn set_a_substitute(&self) -> bool {
+    pub(super) fn changes_substitute(&self) -> bool {
         let runs = self.substitutes.iter().map(|(name, _)| run_of(name));
         let below = |key: &str, table: &str| {
             let rest = key.strip_prefix(table);
@@ -76,7 +76,7 @@ fn key_of(one: &str) -> &str {
 }
 
 impl ScenarioSpec {
-    /// Replaces the program of `participant` by `run`; `how` says where the change comes from.
+    /// Replaces the program of `participant` by `run`; `how` is the origin of the change.
     ///
     /// # Errors
     /// When there is no such participant.
@@ -85,7 +85,7 @@ impl ScenarioSpec {
         match self.participants.get_mut(participant) {
             Some(own) => {
                 own.run = run.clone();
-                self.origin.change(key, how);
+                self.origin.record_change(key, how);
                 Ok(())
             }
             None => {

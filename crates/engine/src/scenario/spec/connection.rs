@@ -16,7 +16,7 @@ pub struct ConnectionSpec {
     /// `PARTICIPANT.OUTPUT`, or a field of it.
     pub from: String,
     /// `PARTICIPANT.INPUT`, or fields; in a file one text or a list.
-    #[serde(deserialize_with = "one_or_many", serialize_with = "as_few")]
+    #[serde(deserialize_with = "one_or_many", serialize_with = "one_or_list")]
     pub to: Vec<String>,
     /// The delay of a sample.
     #[serde(default)]
@@ -77,7 +77,7 @@ fn one_or_many<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>
     })
 }
 
-fn as_few<S: Serializer>(to: &[String], serializer: S) -> Result<S::Ok, S::Error> {
+fn one_or_list<S: Serializer>(to: &[String], serializer: S) -> Result<S::Ok, S::Error> {
     match to {
         [one] => serializer.serialize_str(one),
         many => many.serialize(serializer),

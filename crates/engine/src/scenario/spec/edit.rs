@@ -6,8 +6,8 @@ use toml::Value;
 
 use super::change::{self, IN_CODE, VARIED};
 use super::changes::Changes;
-use super::read::Reading;
-use super::whole::ScenarioSpec;
+use super::read::PartialScenario;
+use super::scenario_spec::ScenarioSpec;
 use crate::scenario::error::{Mistake, ScenarioError};
 
 impl ScenarioSpec {
@@ -25,7 +25,7 @@ impl ScenarioSpec {
     /// # Errors
     /// As [`ScenarioSpec::read`].
     pub fn changed(file: &Path, changes: &Changes) -> Result<ScenarioSpec, ScenarioError> {
-        Reading::of_file(file, changes)?.whole()
+        PartialScenario::of_file(file, changes)?.into_spec()
     }
 
     /// Reads `text` as if it were the content of `file`.
@@ -33,7 +33,7 @@ impl ScenarioSpec {
     /// # Errors
     /// As [`ScenarioSpec::read`].
     pub fn of_text(file: &Path, text: &str) -> Result<ScenarioSpec, ScenarioError> {
-        Reading::of_text(file, text.to_owned(), &Changes::default())?.whole()
+        PartialScenario::of_text(file, text.to_owned(), &Changes::default())?.into_spec()
     }
 
     /// Sets a key such as `participants.tank.parameters.depth` to `value`, by the rules of `--set`: participants and connections
@@ -59,7 +59,7 @@ impl ScenarioSpec {
         self.change_as(changes, VARIED)
     }
 
-    /// As [`ScenarioSpec::change`], for changes that were made as `how` says; a message about one of them ends with `how`.
+    /// As [`ScenarioSpec::change`], for changes whose origin is `how`; a message about one of them ends with `how`.
     pub(crate) fn change_as(&mut self, changes: &[String], how: &'static str) -> Result<(), ScenarioError> {
         if changes.is_empty() {
             return Ok(());
@@ -75,7 +75,9 @@ impl ScenarioSpec {
     /// # Errors
     /// When one of them does not fit, or the resulting scenario is inconsistent.
     pub fn apply(&mut self, changes: &Changes) -> Result<(), ScenarioError> {
-        *self = Reading::complete(self.clone()).changed(changes)?.whole()?;
+        *self = PartialScenario::of_spec(self.clone())
+            .with_changes(changes)?
+            .into_spec()?;
         Ok(())
     }
 
@@ -85,7 +87,7 @@ impl ScenarioSpec {
     ) -> Result<(), ScenarioError> {
         let (mut table, mut origin) = (self.to_table(), self.origin.clone());
         edit(&mut table, &mut origin).map_err(|mistake| origin.error(vec![mistake]))?;
-        *self = Reading::of_table(origin, table, &Changes::default())?.whole()?;
+        *self = PartialScenario::of_table(origin, table, &Changes::default())?.into_spec()?;
         Ok(())
     }
 }

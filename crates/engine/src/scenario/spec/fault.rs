@@ -49,7 +49,7 @@ pub enum FaultKind {
 
 impl FaultKind {
     /// Whether it affects some samples and leaves others unchanged.
-    pub(in crate::scenario) fn may_spare(self) -> bool {
+    pub(in crate::scenario) fn is_intermittent(self) -> bool {
         matches!(self, FaultKind::Dropout | FaultKind::BitFlip)
     }
 
@@ -129,7 +129,7 @@ pub struct FaultSpec {
 }
 
 impl FaultSpec {
-    /// A fault of the input `port`: one participant sees disturbed values from `at` on.
+    /// A fault of the input `port`: one participant reads faulty values from `at` on.
     pub fn input(port: &str, at: impl Into<Time>, kind: FaultKind) -> FaultSpec {
         FaultSpec {
             at: at.into(),
@@ -139,7 +139,7 @@ impl FaultSpec {
         }
     }
 
-    /// A fault of the output `port`: all participants that read it see disturbed values from `at` on.
+    /// A fault of the output `port`: its readers receive faulty values from `at` on.
     pub fn output(port: &str, at: impl Into<Time>, kind: FaultKind) -> FaultSpec {
         FaultSpec {
             at: at.into(),
@@ -239,7 +239,7 @@ impl FaultSpec {
     }
 
     /// The keys that are given, in the order of their names.
-    pub(in crate::scenario) fn given(&self) -> Vec<&'static str> {
+    pub(in crate::scenario) fn given_keys(&self) -> Vec<&'static str> {
         let keys = [
             ("bit", self.bit.is_some()),
             ("connection", self.connection.is_some()),

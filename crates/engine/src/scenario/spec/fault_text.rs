@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commas_inside_values_are_left_alone() {
+    fn fault_text_keeps_commas_inside_values() {
         let text = "at=12s, field=q[3],value=[1, 2] deg,run={ exe = \"./a,b\", args = ['c,d'] },drop=0.3";
         let entry = table(text).unwrap();
         assert_eq!(entry["at"], Value::String("12s".into()));

@@ -8,16 +8,16 @@ use serde::de::DeserializeOwned;
 use toml::Value;
 
 use crate::scenario::error::{Mistake, ScenarioError};
-use crate::scenario::lines::Lines;
+use crate::scenario::key_lines::KeyLines;
 
-/// How a key was changed that was set.
+/// The origin of a change by `--set`.
 pub(super) const WITH_SET: &str = "given with --set";
 
 /// The file and the changes from which a scenario was made. They have no influence on the scenario's content.
 #[derive(Debug, Clone, Default)]
 pub(in crate::scenario) struct Origin {
     pub(in crate::scenario) file: PathBuf,
-    text: Arc<Text>,
+    text: Arc<SourceText>,
     /// The keys that were changed afterwards, and how.
     changed: HashMap<String, &'static str>,
     /// The files whose contents were included in the scenario.
@@ -25,10 +25,10 @@ pub(in crate::scenario) struct Origin {
 }
 
 #[derive(Debug, Default)]
-struct Text {
+struct SourceText {
     text: String,
     /// The lines of its keys, once there is a mistake.
-    lines: OnceLock<Lines>,
+    lines: OnceLock<KeyLines>,
 }
 
 impl PartialEq for Origin {
@@ -42,7 +42,7 @@ impl Origin {
     pub(super) fn of(file: PathBuf, text: String) -> Origin {
         Origin {
             file,
-            text: Arc::new(Text {
+            text: Arc::new(SourceText {
                 text,
                 lines: OnceLock::new(),
             }),
@@ -50,19 +50,19 @@ impl Origin {
         }
     }
 
-    /// Registers that `key` was changed, as `how` says.
-    pub(super) fn change(&mut self, key: String, how: &'static str) {
+    /// Registers that `key` was changed; `how` is the origin of the change.
+    pub(super) fn record_change(&mut self, key: String, how: &'static str) {
         self.changed.insert(key, how);
     }
 
     /// Whether `key` itself was changed.
-    pub(in crate::scenario) fn changes(&self, key: &str) -> bool {
+    pub(in crate::scenario) fn is_changed(&self, key: &str) -> bool {
         self.changed.contains_key(key)
     }
 
     /// Whether `key` itself was changed by an option that puts a program in the place of another one. A program that was set is the one
     /// that the scenario now has.
-    pub(in crate::scenario) fn substitutes(&self, key: &str) -> bool {
+    pub(in crate::scenario) fn is_substituted(&self, key: &str) -> bool {
         self.changed.get(key).is_some_and(|how| *how != WITH_SET)
     }
 
@@ -80,7 +80,7 @@ impl Origin {
                 reason: format!("{reason} ({how})"),
             };
         }
-        let lines = self.text.lines.get_or_init(|| Lines::of(&self.text.text));
+        let lines = self.text.lines.get_or_init(|| KeyLines::of(&self.text.text));
         Mistake {
             line: lines.line(key),
             key: key.to_owned(),
@@ -117,7 +117,7 @@ impl Origin {
 }
 
 /// Reads one section; a mistake is reported with its key.
-pub(super) fn typed<T: DeserializeOwned>(origin: &Origin, key: &str, value: Value) -> Result<T, Mistake> {
+pub(super) fn deserialize_at<T: DeserializeOwned>(origin: &Origin, key: &str, value: Value) -> Result<T, Mistake> {
     serde_path_to_error::deserialize(value).map_err(|error| {
         let path = error.path().to_string();
         let key = match (key, path.as_str()) {

@@ -34,7 +34,7 @@ pub struct ParticipantSpec {
 
 /// `on-failure = "stop"`, `"restart-from-checkpoint"`, or `{ substitute = { … } }`
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
-#[serde(from = "Written", into = "Written")]
+#[serde(from = "OnFailureForm", into = "OnFailureForm")]
 pub enum OnFailureSpec {
     /// The run ends.
     #[default]
@@ -50,14 +50,14 @@ pub enum OnFailureSpec {
     untagged,
     expecting = "write \"stop\", \"restart-from-checkpoint\" or { substitute = { exe = \"FILE\" } }"
 )]
-enum Written {
-    Named(Named),
+enum OnFailureForm {
+    Named(OnFailureName),
     Substitute(Box<Substitute>),
 }
 
 #[derive(Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum Named {
+enum OnFailureName {
     Stop,
     RestartFromCheckpoint,
 }
@@ -68,22 +68,22 @@ struct Substitute {
     substitute: RunSpec,
 }
 
-impl From<Written> for OnFailureSpec {
-    fn from(written: Written) -> OnFailureSpec {
+impl From<OnFailureForm> for OnFailureSpec {
+    fn from(written: OnFailureForm) -> OnFailureSpec {
         match written {
-            Written::Named(Named::Stop) => OnFailureSpec::Stop,
-            Written::Named(Named::RestartFromCheckpoint) => OnFailureSpec::RestartFromCheckpoint,
-            Written::Substitute(by) => OnFailureSpec::Substitute(Box::new(by.substitute)),
+            OnFailureForm::Named(OnFailureName::Stop) => OnFailureSpec::Stop,
+            OnFailureForm::Named(OnFailureName::RestartFromCheckpoint) => OnFailureSpec::RestartFromCheckpoint,
+            OnFailureForm::Substitute(by) => OnFailureSpec::Substitute(Box::new(by.substitute)),
         }
     }
 }
 
-impl From<OnFailureSpec> for Written {
-    fn from(spec: OnFailureSpec) -> Written {
+impl From<OnFailureSpec> for OnFailureForm {
+    fn from(spec: OnFailureSpec) -> OnFailureForm {
         match spec {
-            OnFailureSpec::Stop => Written::Named(Named::Stop),
-            OnFailureSpec::RestartFromCheckpoint => Written::Named(Named::RestartFromCheckpoint),
-            OnFailureSpec::Substitute(run) => Written::Substitute(Box::new(Substitute { substitute: *run })),
+            OnFailureSpec::Stop => OnFailureForm::Named(OnFailureName::Stop),
+            OnFailureSpec::RestartFromCheckpoint => OnFailureForm::Named(OnFailureName::RestartFromCheckpoint),
+            OnFailureSpec::Substitute(run) => OnFailureForm::Substitute(Box::new(Substitute { substitute: *run })),
         }
     }
 }

@@ -12,20 +12,20 @@ use super::change::change;
 use super::changes::{Changes, WITH_DURATION, WITH_FAULT, WITH_SEED, WITH_SUBSTITUTE};
 use super::entries::Entries;
 use super::fault::FaultSpec;
-use super::files::fill_in_files;
+use super::files::include_files;
 use super::measure::MeasureSpec;
-use super::origin::{Origin, WITH_SET, typed};
+use super::origin::{Origin, WITH_SET, deserialize_at};
 use super::record::{self, RecordSpec};
+use super::scenario_spec::{FOLDER, ScenarioSpec, folder_of};
 use super::text;
 use super::time::Time;
-use super::whole::{FOLDER, ScenarioSpec, folder_of};
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::names::fault_name;
 
 /// The keys at the top level of the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Top {
+struct ScenarioTable {
     #[serde(default)]
     title: String,
     #[serde(default)]
@@ -88,59 +88,63 @@ fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
 }
 
 /// The result of reading: the scenario as far as it can be read, and the mistakes in the rest.
-pub(in crate::scenario) struct Reading {
+pub(in crate::scenario) struct PartialScenario {
     pub(in crate::scenario) spec: ScenarioSpec,
-    pub(in crate::scenario) broken: Broken,
+    pub(in crate::scenario) unread: UnreadEntries,
     pub(in crate::scenario) mistakes: Vec<Mistake>,
 }
 
 /// The entries that could not be read, so that references to them are not refused.
 #[derive(Default)]
-pub(in crate::scenario) struct Broken {
+pub(in crate::scenario) struct UnreadEntries {
     pub(in crate::scenario) participants: BTreeSet<String>,
     pub(in crate::scenario) connections: BTreeSet<String>,
     /// Their positions in the list.
     pub(in crate::scenario) faults: BTreeSet<usize>,
 }
 
-impl Reading {
+impl PartialScenario {
     /// Reads `text` as if it were the content of `file`, with files included, and with `changes`.
-    pub(in crate::scenario) fn of_text(file: &Path, text: String, changes: &Changes) -> Result<Reading, ScenarioError> {
-        if changes.set_a_substitute() {
-            let mut reading = Reading::of_text(file, text, &Changes::default())?.changed(changes)?;
-            let folder = reading.spec.folder_at(file);
-            reading.spec.fill_in_files(&folder)?;
-            return Ok(reading);
+    pub(in crate::scenario) fn of_text(
+        file: &Path,
+        text: String,
+        changes: &Changes,
+    ) -> Result<PartialScenario, ScenarioError> {
+        if changes.changes_substitute() {
+            let mut partial = PartialScenario::of_text(file, text, &Changes::default())?.with_changes(changes)?;
+            let folder = partial.spec.folder_at(file);
+            partial.spec.include_files(&folder)?;
+            return Ok(partial);
         }
         let mut table = text::parse(file, &text)?;
         let mut origin = Origin::of(file.to_owned(), text);
         let folder = folder_of(file, table.get(FOLDER).and_then(Value::as_str));
-        fill_in_files(&mut table, &folder, &mut origin)?;
+        include_files(&mut table, &folder, &mut origin)?;
         for one in &changes.set {
             change(&mut table, &mut origin, one, WITH_SET).map_err(|mistake| origin.error(vec![mistake]))?;
         }
         if !changes.set.is_empty() {
-            fill_in_files(&mut table, &folder, &mut origin)?;
+            include_files(&mut table, &folder, &mut origin)?;
         }
-        let mut reading = Reading::of_table(origin, table, changes)?;
+        let mut partial = PartialScenario::of_table(origin, table, changes)?;
         if !changes.faults.is_empty() {
-            reading.spec.fill_in_files(&folder)?;
+            partial.spec.include_files(&folder)?;
         }
-        Ok(reading)
+        Ok(partial)
     }
 
-    pub(in crate::scenario) fn of_file(file: &Path, changes: &Changes) -> Result<Reading, ScenarioError> {
-        Reading::of_text(file, text::read(file)?, changes)
+    pub(in crate::scenario) fn of_file(file: &Path, changes: &Changes) -> Result<PartialScenario, ScenarioError> {
+        PartialScenario::of_text(file, text::read(file)?, changes)
     }
 
     /// Applies `changes` in order: a key that is set may belong to a substitute, which must be there first.
-    pub(super) fn changed(mut self, changes: &Changes) -> Result<Reading, ScenarioError> {
+    pub(super) fn with_changes(mut self, changes: &Changes) -> Result<PartialScenario, ScenarioError> {
         let first = Changes {
             substitutes: changes.substitutes.clone(),
             ..Changes::default()
         };
-        self.options(&first);
-        let spec = self.whole()?;
+        self.apply_values(&first);
+        let spec = self.into_spec()?;
         let (mut table, mut origin) = (spec.to_table(), spec.origin);
         for one in &changes.set {
             change(&mut table, &mut origin, one, WITH_SET).map_err(|mistake| origin.error(vec![mistake]))?;
@@ -149,31 +153,32 @@ impl Reading {
             substitutes: Vec::new(),
             ..changes.clone()
         };
-        Reading::of_table(origin, table, &rest)
+        PartialScenario::of_table(origin, table, &rest)
     }
 
     /// Reads a table, and applies those of `changes` that are not made in a table.
-    pub(super) fn of_table(origin: Origin, table: Table, changes: &Changes) -> Result<Reading, ScenarioError> {
+    pub(super) fn of_table(origin: Origin, table: Table, changes: &Changes) -> Result<PartialScenario, ScenarioError> {
         if table.contains_key("scenario") && !table.contains_key("participants") {
             let reason = "this is a campaign file: run it with `sweep`, or give the scenario that it names";
             return Err(origin.error(vec![origin.mistake("scenario", reason)]));
         }
-        let top: Top = typed(&origin, "", Value::Table(table)).map_err(|mistake| origin.error(vec![mistake]))?;
-        let (mut mistakes, mut broken) = (Vec::new(), Broken::default());
+        let top: ScenarioTable =
+            deserialize_at(&origin, "", Value::Table(table)).map_err(|mistake| origin.error(vec![mistake]))?;
+        let (mut mistakes, mut unread) = (Vec::new(), UnreadEntries::default());
         let participants = section(
             &origin,
             "participants",
             top.participants,
-            &mut broken.participants,
+            &mut unread.participants,
             &mut mistakes,
         );
         let mut faults = Vec::new();
         for (position, value) in top.faults.into_iter().enumerate() {
             let name = fault_name(value.get("name").and_then(Value::as_str), position);
-            match typed::<FaultSpec>(&origin, &format!("faults.{name}"), value) {
+            match deserialize_at::<FaultSpec>(&origin, &format!("faults.{name}"), value) {
                 Ok(fault) => faults.push(fault),
                 Err(mistake) => {
-                    broken.faults.insert(position);
+                    unread.faults.insert(position);
                     mistakes.push(mistake);
                 }
             }
@@ -186,7 +191,7 @@ impl Reading {
             &origin,
             "connections",
             top.connections,
-            &mut broken.connections,
+            &mut unread.connections,
             &mut mistakes,
         );
         if top.duration.is_none() && changes.duration.is_none() {
@@ -210,48 +215,48 @@ impl Reading {
             record,
             origin,
         };
-        let mut reading = Reading { spec, broken, mistakes };
-        reading.options(changes);
-        Ok(reading)
+        let mut partial = PartialScenario { spec, unread, mistakes };
+        partial.apply_values(changes);
+        Ok(partial)
     }
 
     /// Applies those of `changes` that are values.
-    fn options(&mut self, changes: &Changes) {
+    fn apply_values(&mut self, changes: &Changes) {
         let spec = &mut self.spec;
         for (participant, run) in &changes.substitutes {
-            if !self.broken.participants.contains(participant)
+            if !self.unread.participants.contains(participant)
                 && let Err(error) = spec.set_run(participant, run, WITH_SUBSTITUTE)
             {
                 self.mistakes.extend(error.mistakes);
             }
         }
         for fault in &changes.faults {
-            let position = spec.faults.len() + self.broken.faults.len();
+            let position = spec.faults.len() + self.unread.faults.len();
             let name = fault_name(fault.name.as_deref(), position);
-            spec.origin.change(format!("faults.{name}"), WITH_FAULT);
+            spec.origin.record_change(format!("faults.{name}"), WITH_FAULT);
             spec.faults.push(fault.clone());
         }
         if let Some(seed) = changes.seed {
             spec.seed = seed;
-            spec.origin.change("seed".to_owned(), WITH_SEED);
+            spec.origin.record_change("seed".to_owned(), WITH_SEED);
         }
         if let Some(duration) = &changes.duration {
             spec.duration = duration.clone();
-            spec.origin.change("duration".to_owned(), WITH_DURATION);
+            spec.origin.record_change("duration".to_owned(), WITH_DURATION);
         }
     }
 
     /// A reading of a scenario that is complete.
-    pub(in crate::scenario) fn complete(spec: ScenarioSpec) -> Reading {
-        Reading {
+    pub(in crate::scenario) fn of_spec(spec: ScenarioSpec) -> PartialScenario {
+        PartialScenario {
             spec,
-            broken: Broken::default(),
+            unread: UnreadEntries::default(),
             mistakes: Vec::new(),
         }
     }
 
     /// The scenario, if no mistake has been found so far.
-    pub(super) fn whole(self) -> Result<ScenarioSpec, ScenarioError> {
+    pub(super) fn into_spec(self) -> Result<ScenarioSpec, ScenarioError> {
         if self.mistakes.is_empty() {
             Ok(self.spec)
         } else {
@@ -260,23 +265,23 @@ impl Reading {
     }
 }
 
-/// The entries of a section; those that cannot be read are added to the `broken` ones.
+/// The entries of a section; those that cannot be read are added to the `unread` ones.
 fn section<T: DeserializeOwned>(
     origin: &Origin,
     key: &str,
     entries: BTreeMap<String, Value>,
-    broken: &mut BTreeSet<String>,
+    unread: &mut BTreeSet<String>,
     mistakes: &mut Vec<Mistake>,
 ) -> Entries<T> {
     let mut all = Entries::default();
     for (name, value) in entries {
-        match typed(origin, &format!("{key}.{name}"), value) {
+        match deserialize_at(origin, &format!("{key}.{name}"), value) {
             Ok(entry) => {
                 all.insert(name, entry);
             }
             Err(mistake) => {
                 mistakes.push(mistake);
-                broken.insert(name);
+                unread.insert(name);
             }
         }
     }
@@ -284,14 +289,14 @@ fn section<T: DeserializeOwned>(
 }
 
 /// The content of a file as far as it concerns measures and recording. The rest of the file does not matter.
-pub(in crate::scenario) struct Measured {
+pub(in crate::scenario) struct MeasureTables {
     pub(in crate::scenario) origin: Origin,
     pub(in crate::scenario) measures: Entries<MeasureSpec>,
     pub(in crate::scenario) record: Entries<RecordSpec>,
 }
 
 /// Reads the measures and the recording of `file`.
-pub(in crate::scenario) fn measured(file: &Path) -> Result<Measured, ScenarioError> {
+pub(in crate::scenario) fn read_measures(file: &Path) -> Result<MeasureTables, ScenarioError> {
     let text = text::read(file)?;
     let mut table = text::parse(file, &text)?;
     let origin = Origin::of(file.to_owned(), text);
@@ -310,7 +315,7 @@ pub(in crate::scenario) fn measured(file: &Path) -> Result<Measured, ScenarioErr
     if !mistakes.is_empty() {
         return Err(origin.error(mistakes));
     }
-    Ok(Measured {
+    Ok(MeasureTables {
         origin,
         measures,
         record,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::entries::Entries;
-use super::origin::{Origin, typed};
+use super::origin::{Origin, deserialize_at};
 use super::time::Time;
 use crate::scenario::error::Mistake;
 
@@ -50,7 +50,7 @@ impl RecordSpec {
         match value {
             Value::Boolean(true) => Ok(RecordSpec::Whole),
             Value::Boolean(false) => Ok(RecordSpec::Nothing),
-            Value::Table(_) => typed(origin, key, value).map(RecordSpec::Part),
+            Value::Table(_) => deserialize_at(origin, key, value).map(RecordSpec::Part),
             other => {
                 let reason = format!(
                     "{other} does not specify what is kept: write false, true, or a table such as {{ every = \"10 ms\", from = \"2 s\", to = \"5 s\" }}"
@@ -60,7 +60,7 @@ impl RecordSpec {
         }
     }
 
-    fn written(&self) -> Value {
+    fn to_value(&self) -> Value {
         match self {
             RecordSpec::Whole => Value::Boolean(true),
             RecordSpec::Nothing => Value::Boolean(false),
@@ -97,7 +97,7 @@ pub(super) fn read(origin: &Origin, table: Table, mistakes: &mut Vec<Mistake>) -
 }
 
 /// The table for `all`.
-pub(super) fn written(all: &Entries<RecordSpec>) -> Table {
+pub(super) fn to_table(all: &Entries<RecordSpec>) -> Table {
     let mut table = Table::new();
     for (key, part) in all {
         let mut names = key.split('.');
@@ -110,7 +110,7 @@ pub(super) fn written(all: &Entries<RecordSpec>) -> Table {
             }
             here = below.as_table_mut().expect("it is one now");
         }
-        here.insert(last.to_owned(), part.written());
+        here.insert(last.to_owned(), part.to_value());
     }
     table
 }

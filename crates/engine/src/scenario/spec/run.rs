@@ -91,16 +91,16 @@ impl RunSpec {
     }
 
     /// The keys that go with `fmu`.
-    pub(in crate::scenario) fn beside_fmu(&self) -> Table {
-        let given = self.clone().keys_beside_fmu().map(|(key, value)| (key, value.take()));
+    pub(in crate::scenario) fn fmu_options(&self) -> Table {
+        let given = self.clone().fmu_options_mut().map(|(key, value)| (key, value.take()));
         given
             .into_iter()
             .filter_map(|(key, value)| Some((key.to_owned(), value?)))
             .collect()
     }
 
-    /// As [`RunSpec::beside_fmu`], but mutable.
-    pub(in crate::scenario) fn keys_beside_fmu(&mut self) -> [(&'static str, &mut Option<Value>); 5] {
+    /// As [`RunSpec::fmu_options`], but mutable.
+    pub(in crate::scenario) fn fmu_options_mut(&mut self) -> [(&'static str, &mut Option<Value>); 5] {
         [
             ("ports", &mut self.ports),
             ("messages", &mut self.messages),

@@ -9,19 +9,19 @@ use crate::scenario::error::{Mistake, ScenarioError};
 
 /// The text of `file`.
 pub(super) fn read(file: &Path) -> Result<String, ScenarioError> {
-    std::fs::read_to_string(file).map_err(|error| whole(file, None, format!("cannot be read: {error}")))
+    std::fs::read_to_string(file).map_err(|error| file_error(file, None, format!("cannot be read: {error}")))
 }
 
 /// Parses `text`, the content of `file`, into a table.
 pub(super) fn parse(file: &Path, text: &str) -> Result<Table, ScenarioError> {
     text.parse::<Table>().map_err(|error| {
         let line = error.span().map(|span| line_of(text, &span));
-        whole(file, line, format!("is not TOML: {}", error.message()))
+        file_error(file, line, format!("is not TOML: {}", error.message()))
     })
 }
 
 /// A mistake of the whole file.
-fn whole(file: &Path, line: Option<usize>, reason: String) -> ScenarioError {
+fn file_error(file: &Path, line: Option<usize>, reason: String) -> ScenarioError {
     ScenarioError {
         file: file.to_owned(),
         mistakes: vec![Mistake {

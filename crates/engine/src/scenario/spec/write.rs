@@ -6,7 +6,7 @@ use toml::{Table, Value};
 use super::entries::Entries;
 use super::fault::FaultKind;
 use super::record;
-use super::whole::{FOLDER, ScenarioSpec, seed_value};
+use super::scenario_spec::{FOLDER, ScenarioSpec, seed_value};
 use crate::scenario::names::fault_name;
 
 impl ScenarioSpec {
@@ -30,7 +30,7 @@ impl ScenarioSpec {
             ("connections", section(&self.connections)),
             ("guards", section(&self.guards)),
             ("measures", section(&self.measures)),
-            ("record", record::written(&self.record)),
+            ("record", record::to_table(&self.record)),
         ];
         for (key, section) in sections.into_iter().filter(|(_, section)| !section.is_empty()) {
             put(key, Value::Table(section));
@@ -53,15 +53,15 @@ impl ScenarioSpec {
     }
 
     /// The scenario with every default that was left out, and each time in its shortest text.
-    pub(in crate::scenario) fn filled(&self) -> ScenarioSpec {
+    pub(in crate::scenario) fn with_defaults(&self) -> ScenarioSpec {
         let mut spec = self.clone();
-        spec.each_time(&mut |_, time| time.shorten());
+        spec.for_each_time(&mut |_, time| time.shorten());
         for (position, own) in spec.faults.iter_mut().enumerate() {
             own.name = Some(fault_name(own.name.as_deref(), position));
             if own.substitute.is_some() {
                 own.state.get_or_insert_default();
             }
-            if own.kind.is_some_and(FaultKind::may_spare) {
+            if own.kind.is_some_and(FaultKind::is_intermittent) {
                 own.probability.get_or_insert(1.0);
             }
         }

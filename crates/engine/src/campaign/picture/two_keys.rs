@@ -2,26 +2,27 @@
 
 use report::figures::{Drawing, Map, MapCell, Shade};
 
-use super::content::{Picture, Place, label, numbered};
+use super::content::{Picture, PlotPosition, axis_label, index_by_value};
 use crate::campaign::Column;
 use crate::campaign::figure_value;
 use crate::campaign::short;
-use crate::campaign::tell::distinct;
+use crate::campaign::summary::distinct;
 use crate::campaign::workers::point::Result as PointResult;
 
 /// Each position in the colour of the outcome of its points.
-pub(crate) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
-    let (across, down) = (in_order(x), in_order(y));
-    let mut places = vec![Place::default(); across.len() * down.len()];
-    let (columns, rows) = (numbered(&across), numbered(&down));
+pub(crate) fn map_over_two_keys(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
+    let (across, down) = (sorted_values(x), sorted_values(y));
+    let mut positions = vec![PlotPosition::default(); across.len() * down.len()];
+    let (columns, rows) = (index_by_value(&across), index_by_value(&down));
     for (at, result) in picture.results.iter().enumerate() {
-        let place = rows[&y.texts[at]] * across.len() + columns[&x.texts[at]];
-        places[place].results.push(result.as_ref());
+        let position = rows[&y.texts[at]] * across.len() + columns[&x.texts[at]];
+        positions[position].results.push(result.as_ref());
     }
     let of = |result: &PointResult| figure_value(result, &picture.figure?.key);
-    let worst: Vec<Option<f64>> = places.iter().map(|place| place.worst(picture.lowest(), of)).collect();
-    let good = |at: &usize| matches!(places[*at].shade(), Shade::Good(_));
-    let values: Vec<f64> = (0..places.len())
+    let lower_is_worse = picture.lower_is_worse();
+    let worst: Vec<Option<f64>> = positions.iter().map(|cell| cell.worst(lower_is_worse, of)).collect();
+    let good = |at: &usize| matches!(positions[*at].shade(), Shade::Good(_));
+    let values: Vec<f64> = (0..positions.len())
         .filter(good)
         .filter_map(|at| worst[at])
         .filter(|v| *v > 0.0)
@@ -37,18 +38,18 @@ pub(crate) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing
             0.0
         }
     };
-    let folded = places.iter().any(|place| place.results.len() > 1);
-    let cells = places.iter().zip(&worst).map(|(place, worst)| MapCell {
-        shade: match place.shade() {
+    let folded = positions.iter().any(|position| position.results.len() > 1);
+    let cells = positions.iter().zip(&worst).map(|(position, worst)| MapCell {
+        shade: match position.shade() {
             Shade::Good(_) => Shade::Good(worst.map_or(0.0, part)),
             other => other,
         },
-        text: match (place.shade(), worst) {
+        text: match (position.shade(), worst) {
             (Shade::Unknown, _) => String::new(),
             (Shade::Broken, _) => "!".to_owned(),
             _ if folded => {
-                let good = place.results.iter().flatten().filter(|result| result.outcome.good());
-                format!("{}/{}", good.count(), place.results.len())
+                let good = position.results.iter().flatten().filter(|result| result.outcome.good());
+                format!("{}/{}", good.count(), position.results.len())
             }
             (_, Some(worst)) => short(*worst),
             (_, None) => String::new(),
@@ -63,10 +64,10 @@ pub(crate) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing
         }
         _ => legend.push((Some(Shade::Good(0.0)), word.to_owned())),
     }
-    if places.iter().any(|place| place.shade() == Shade::Bad) {
+    if positions.iter().any(|position| position.shade() == Shade::Bad) {
         legend.push((Some(Shade::Bad), "ran, not met".to_owned()));
     }
-    if places.iter().any(|place| place.shade() == Shade::Broken) {
+    if positions.iter().any(|position| position.shade() == Shade::Broken) {
         legend.push((Some(Shade::Broken), "did not run to its end".to_owned()));
     }
     match &shown {
@@ -79,10 +80,10 @@ pub(crate) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing
     }
     Map {
         title: picture.title.to_owned(),
-        x_label: label(x),
-        y_label: label(y),
-        columns: across.iter().map(|value| bare(x, value)).collect(),
-        rows: down.iter().map(|value| bare(y, value)).collect(),
+        x_label: axis_label(x),
+        y_label: axis_label(y),
+        columns: across.iter().map(|value| without_unit(x, value)).collect(),
+        rows: down.iter().map(|value| without_unit(y, value)).collect(),
         cells: cells.collect(),
         legend,
     }
@@ -90,7 +91,7 @@ pub(crate) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing
 }
 
 /// The values of a column: numbers by size, texts in order of occurrence.
-fn in_order(column: &Column) -> Vec<&String> {
+fn sorted_values(column: &Column) -> Vec<&String> {
     let mut values: Vec<(usize, &String)> = distinct(&column.texts)
         .into_iter()
         .map(|value| (column.texts.iter().position(|text| text == value).unwrap_or(0), value))
@@ -102,7 +103,7 @@ fn in_order(column: &Column) -> Vec<&String> {
 }
 
 /// The value without its unit, which the axis shows.
-fn bare(column: &Column, value: &str) -> String {
+fn without_unit(column: &Column, value: &str) -> String {
     if column.unit.is_empty() {
         value.to_owned()
     } else {

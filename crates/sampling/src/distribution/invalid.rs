@@ -1,16 +1,16 @@
 //! Errors of invalid distributions.
 
-/// A distribution that does not exist.
+/// Why a distribution is invalid.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Impossible {
+pub struct InvalidParameter {
     /// The invalid parameter, by its name in [`Scalar`](super::Scalar) and the other distributions.
     pub parameter: &'static str,
     /// The reason.
     pub reason: String,
 }
 
-pub(super) fn impossible(parameter: &'static str, reason: impl Into<String>) -> Impossible {
-    Impossible {
+pub(super) fn invalid(parameter: &'static str, reason: impl Into<String>) -> InvalidParameter {
+    InvalidParameter {
         parameter,
         reason: reason.into(),
     }

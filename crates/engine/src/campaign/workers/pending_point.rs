@@ -2,30 +2,30 @@
 
 use std::collections::VecDeque;
 
-use crate::campaign::folder::claim::Known;
+use crate::campaign::folder::campaign_folder::JournaledResults;
 use crate::campaign::folder::identity::Identity;
 
 /// A point to be run.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Errand {
+pub(super) struct PendingPoint {
     /// From 0.
     pub(super) point: usize,
-    pub(super) what: What,
+    pub(super) purpose: Purpose,
 }
 
 /// Use of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum What {
+pub(super) enum Purpose {
     /// It is the point's result.
     Own,
     /// It is compared with the result of another shard.
     Audit,
     /// It is already known; the run folder is requested.
-    Again,
+    Rerun,
 }
 
 /// The points that the folder is for and does not have: its own, then those of another shard.
-pub(super) fn open_points(known: &Known, identity: &Identity) -> VecDeque<Errand> {
+pub(super) fn missing_points(known: &JournaledResults, identity: &Identity) -> VecDeque<PendingPoint> {
     let all = 0..known.results.len();
     let own = all
         .clone()
@@ -33,8 +33,8 @@ pub(super) fn open_points(known: &Known, identity: &Identity) -> VecDeque<Errand
     let others = all
         .filter(|at| identity.audits(*at))
         .filter(|at| !known.audited.contains(at));
-    let errand = |what| move |point| Errand { point, what };
-    own.map(errand(What::Own))
-        .chain(others.map(errand(What::Audit)))
+    let pending_point = |purpose| move |point| PendingPoint { point, purpose };
+    own.map(pending_point(Purpose::Own))
+        .chain(others.map(pending_point(Purpose::Audit)))
         .collect()
 }

@@ -6,7 +6,7 @@ use tape::StreamSpec;
 
 use super::error::ScenarioError;
 use super::resolve::Scenario;
-use super::{guards, measures, pictures, recorded};
+use super::{guards, measures, recorded, report_view};
 use crate::assessment::Assessment;
 use crate::measures::{Definition, Measures, Together};
 use crate::run::{Kept, Watch};
@@ -26,7 +26,7 @@ impl Scenario {
     /// # Errors
     /// Every signal that no participant publishes, and every unit that does not fit.
     pub fn check_pictures(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<(), ScenarioError> {
-        pictures::check(&self.pictures, &self.source, plan, certain)
+        report_view::check(&self.view, &self.source, plan, certain)
     }
 
     /// Which samples of each of `streams`, those of `plan`, are kept; entries for participants whose ports are not `certain` are
@@ -40,7 +40,7 @@ impl Scenario {
         streams: &[StreamSpec],
         certain: impl Fn(usize) -> bool,
     ) -> Result<Vec<Kept>, ScenarioError> {
-        recorded::of_streams(&self.record, &self.source, plan, streams, certain)
+        recorded::kept_samples(&self.record, &self.source, plan, streams, certain)
     }
 
     /// The measures over `streams`; those of participants whose ports are not `certain` are left out.
@@ -62,11 +62,12 @@ impl Scenario {
     /// Reports the key that is refused.
     pub fn assess(&self, streams: &[StreamSpec]) -> Result<Option<Box<dyn Assessment>>, ScenarioError> {
         let own = || {
-            let made = self
+            let assessment = self
                 .assessment
                 .as_ref()
                 .map(|table| self.builtins().assess(table, streams));
-            made.transpose()
+            assessment
+                .transpose()
                 .map_err(|error| self.assessment_refusal(&error.key, &error.reason))
         };
         if self.measures.is_empty() {
@@ -81,9 +82,9 @@ impl Scenario {
                     .keys()
                     .any(|key| key == name || split_unit(key).0 == name)
             };
-            if let Some(double) = definitions.iter().find(|definition| named(&definition.name)) {
+            if let Some(duplicate) = definitions.iter().find(|definition| named(&definition.name)) {
                 let reason = "the assessment has a figure of that name: choose another one";
-                let mistake = self.source.mistake(&format!("measures.{}", double.name), reason);
+                let mistake = self.source.mistake(&format!("measures.{}", duplicate.name), reason);
                 return Err(self.source.error(vec![mistake]));
             }
         }

@@ -46,11 +46,11 @@ pub fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 4]> {
 /// The ranges of the only varied key in which all points are good: `0 ms to 120 ms, 140 ms`. `None` where neighbours in the table are not
 /// neighbours in value, as drawn ones are not.
 pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> Option<String> {
-    let in_order = match &column.numbers {
+    let sorted_values = match &column.numbers {
         Some(numbers) => numbers.is_sorted_by(|a, b| a < b) || numbers.is_sorted_by(|a, b| a > b),
         None => distinct(&column.texts).len() == column.texts.len(),
     };
-    if !in_order {
+    if !sorted_values {
         return None;
     }
     let good = |at: usize| results[at].as_ref().is_some_and(|result| result.outcome.good());
@@ -82,7 +82,7 @@ pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> Option<Str
 /// run. `None` where the points are not all combinations of their values, each once.
 pub fn map(columns: &[Column], results: &[Option<PointResult>]) -> Option<String> {
     let [first, second] = columns else { return None };
-    let (across, down) = (in_order(first), in_order(second));
+    let (across, down) = (sorted_values(first), sorted_values(second));
     if across.len() * down.len() != results.len() || across.len() > 120 || down.len() > 60 {
         return None;
     }
@@ -130,7 +130,7 @@ pub fn good_word(results: &[Option<PointResult>]) -> &'static str {
 }
 
 /// The values of a column: numbers ascending, texts in order of first occurrence.
-fn in_order(column: &Column) -> Vec<&String> {
+fn sorted_values(column: &Column) -> Vec<&String> {
     let Some(numbers) = &column.numbers else {
         return distinct(&column.texts);
     };
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn stretches_are_those_that_are_met() {
+    fn stretches_cover_ranges_of_met_points() {
         let delays = column("d", &["0", "1", "2", "3", "4"]);
         assert_eq!(stretches(&delays, &results("##.#!")).unwrap(), "0 to 1, 3");
         assert_eq!(stretches(&delays, &results("....?")).unwrap(), "nowhere");
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_of_drawn_points_has_each_where_its_values_are() {
+    fn map_places_drawn_points_by_their_values() {
         let numbers = |name: &str, numbers: [f64; 4]| Column {
             numbers: Some(numbers.to_vec()),
             ..column(
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_has_a_line_for_each_value_of_the_second_column() {
+    fn map_has_one_line_per_value_of_second_column() {
         let columns = [
             column("d", &["0", "0", "1", "1", "2", "2"]),
             column("p", &["5", "50", "5", "50", "5", "50"]),

@@ -5,13 +5,13 @@ use lockstep::port::{Element, Field};
 use tape::StreamSpec;
 use toml::Value;
 
-use super::refusal::{Refusal, converted, refusal};
+use super::refusal::{Refusal, conversion_factor, refusal};
 use crate::measures::Reading;
 use crate::scenario::names::unknown;
 use crate::scenario::symbols::symbol;
 
 /// One or several elements named by the user.
-pub(super) struct Chosen<'a> {
+pub(super) struct SelectedElements<'a> {
     pub(super) path: &'a str,
     stream: usize,
     pub(super) field: &'a Field,
@@ -20,13 +20,13 @@ pub(super) struct Chosen<'a> {
     pub(super) whole: bool,
 }
 
-impl<'a> Chosen<'a> {
+impl<'a> SelectedElements<'a> {
     /// Resolves `path`, which is `PARTICIPANT.OUTPUT.FIELD`, or an element of it.
-    pub(super) fn find(streams: &'a [StreamSpec], key: &str, path: &'a str) -> Result<Chosen<'a>, Refusal> {
+    pub(super) fn find(streams: &'a [StreamSpec], key: &str, path: &'a str) -> Result<SelectedElements<'a>, Refusal> {
         let names = || streams.iter().map(StreamSpec::name);
         let rest = |name: &String| path.strip_prefix(name.as_str()).and_then(|rest| rest.strip_prefix('.'));
         let Some(stream) = names().position(|name| rest(&name).is_some()) else {
-            return refusal(key, no_stream(streams, path));
+            return refusal(key, unknown_stream_message(streams, path));
         };
         let spec = &streams[stream];
         let name = &path[spec.name().len() + 1..];
@@ -47,7 +47,7 @@ impl<'a> Chosen<'a> {
             );
             return refusal(key, reason);
         };
-        Ok(Chosen {
+        Ok(SelectedElements {
             path,
             stream,
             whole: field.name == name,
@@ -61,7 +61,7 @@ impl<'a> Chosen<'a> {
     }
 
     /// The factor from the unit of this into the unit of `of`, from which this is subtracted.
-    pub(super) fn beside(&self, of: &Chosen<'_>) -> Result<f64, Refusal> {
+    pub(super) fn factor_into(&self, of: &SelectedElements<'_>) -> Result<f64, Refusal> {
         if self.shape() != of.shape() {
             let reason = format!(
                 "`{}` has the shape {:?}, `{}` has {:?}: both must have the same",
@@ -80,7 +80,7 @@ impl<'a> Chosen<'a> {
             );
             return refusal("minus", reason);
         }
-        converted(&self.field.unit, &of.field.unit).map_err(|_| {
+        conversion_factor(&self.field.unit, &of.field.unit).map_err(|_| {
             let reason = format!(
                 "`{}` is in {}, `{}` in {}: the units do not fit",
                 self.path, self.field.unit, of.path, of.field.unit
@@ -89,7 +89,7 @@ impl<'a> Chosen<'a> {
         })
     }
 
-    pub(super) fn is_attitude(&self, key: &str) -> Result<(), Refusal> {
+    pub(super) fn check_attitude(&self, key: &str) -> Result<(), Refusal> {
         if self.slots.len() == 4 && self.field.unit == "1" {
             return Ok(());
         }
@@ -103,7 +103,7 @@ impl<'a> Chosen<'a> {
     }
 
     /// The value of an enumeration that `is` names.
-    pub(super) fn is(&self, is: Option<&Value>) -> Result<Option<f64>, Refusal> {
+    pub(super) fn enum_value(&self, is: Option<&Value>) -> Result<Option<f64>, Refusal> {
         let Some(is) = is else { return Ok(None) };
         if self.field.element != Element::Enum {
             let reason = format!(
@@ -117,7 +117,7 @@ impl<'a> Chosen<'a> {
     }
 
     /// Checks that the elements are numbers, so that arithmetic makes sense.
-    pub(super) fn is_number(&self, key: &str) -> Result<(), Refusal> {
+    pub(super) fn check_number(&self, key: &str) -> Result<(), Refusal> {
         if self.field.element.room().is_some() {
             let reason = format!(
                 "`{}` is `{}`, with which nothing can be computed: ask for compute = \"changes\"",
@@ -147,7 +147,7 @@ impl<'a> Chosen<'a> {
 }
 
 /// The message that `path` names no field of `streams`.
-fn no_stream(streams: &[StreamSpec], path: &str) -> String {
+fn unknown_stream_message(streams: &[StreamSpec], path: &str) -> String {
     let names: Vec<String> = streams.iter().map(StreamSpec::name).collect();
     let parts: Vec<&str> = path.split('.').collect();
     // A stream is PARTICIPANT.OUTPUT, or PARTICIPANT.seen.INPUT.

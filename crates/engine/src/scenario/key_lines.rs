@@ -9,55 +9,55 @@ use super::names::fault_name;
 
 /// The keys of a text with their lines, as a tree. It is built once for all mistakes in a text.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Lines {
+pub(crate) struct KeyLines {
     line: usize,
-    below: HashMap<String, Lines>,
+    children: HashMap<String, KeyLines>,
 }
 
-impl Lines {
+impl KeyLines {
     /// The keys of `text`; none if it is not valid TOML.
-    pub(crate) fn of(text: &str) -> Lines {
+    pub(crate) fn of(text: &str) -> KeyLines {
         #[cfg(test)]
-        tests::MADE.set(tests::MADE.get() + 1);
+        tests::PARSE_COUNT.set(tests::PARSE_COUNT.get() + 1);
         let breaks: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
         match DeTable::parse(text) {
-            Ok(document) => Lines::of_table(0, document.get_ref(), &breaks),
-            Err(_) => Lines::default(),
+            Ok(document) => KeyLines::of_table(0, document.get_ref(), &breaks),
+            Err(_) => KeyLines::default(),
         }
     }
 
-    fn of_table(line: usize, table: &DeTable<'_>, breaks: &[usize]) -> Lines {
-        let below = table.iter().map(|(name, value)| {
+    fn of_table(line: usize, table: &DeTable<'_>, breaks: &[usize]) -> KeyLines {
+        let children = table.iter().map(|(name, value)| {
             let line = line_at(breaks, &name.span());
             let lines = match value.get_ref() {
-                DeValue::Table(inner) => Lines::of_table(line, inner, breaks),
+                DeValue::Table(inner) => KeyLines::of_table(line, inner, breaks),
                 // The entries of a list of tables are found by their names.
                 DeValue::Array(items) => {
                     let tables = items.iter().enumerate().filter_map(|(position, item)| {
                         let inner = item.get_ref().as_table()?;
                         let name = inner.iter().find(|(name, _)| name.get_ref() == "name");
                         let name = name.and_then(|(_, value)| value.get_ref().as_str());
-                        let lines = Lines::of_table(line_at(breaks, &item.span()), inner, breaks);
+                        let lines = KeyLines::of_table(line_at(breaks, &item.span()), inner, breaks);
                         Some((position, fault_name(name, position), lines))
                     });
-                    let mut below = HashMap::new();
+                    let mut children = HashMap::new();
                     // Of two entries with the same name, the first one is found. Each is also found by its number.
                     tables.for_each(|(position, name, lines)| {
-                        below.entry(name).or_insert_with(|| lines.clone());
-                        below.entry((position + 1).to_string()).or_insert(lines);
+                        children.entry(name).or_insert_with(|| lines.clone());
+                        children.entry((position + 1).to_string()).or_insert(lines);
                     });
-                    Lines { line, below }
+                    KeyLines { line, children }
                 }
-                _ => Lines {
+                _ => KeyLines {
                     line,
-                    below: HashMap::new(),
+                    children: HashMap::new(),
                 },
             };
             (name.get_ref().to_string(), lines)
         });
-        Lines {
+        KeyLines {
             line,
-            below: below.collect(),
+            children: children.collect(),
         }
     }
 
@@ -67,7 +67,7 @@ impl Lines {
         while !rest.is_empty() {
             // A name in quotes may have dots in it.
             let mut ends = rest.match_indices('.').map(|(at, _)| at).chain([rest.len()]);
-            let Some((end, next)) = ends.find_map(|end| Some((end, here.below.get(&rest[..end])?))) else {
+            let Some((end, next)) = ends.find_map(|end| Some((end, here.children.get(&rest[..end])?))) else {
                 break;
             };
             (here, found) = (next, Some(next.line));
@@ -93,20 +93,20 @@ mod tests {
 
     thread_local! {
         /// How often a text was parsed.
-        pub(super) static MADE: Cell<usize> = const { Cell::new(0) };
+        pub(super) static PARSE_COUNT: Cell<usize> = const { Cell::new(0) };
     }
 
     #[test]
-    fn text_is_taken_apart_once_for_all_of_its_mistakes() {
+    fn key_lines_parse_text_once_for_all_mistakes() {
         let mut text = String::from("duration = \"1 s\"\n");
         for number in 0..2000 {
             text += &format!("[connections.c{number}]\nfrom = \"a.b\"\nto = \"c.d\"\ndealy = 1\n");
         }
-        let before = MADE.get();
+        let before = PARSE_COUNT.get();
         let error = Scenario::read_text(&Arc::new(Catalogue::new("test")), Path::new("x.toml"), &text)
             .err()
             .unwrap();
-        assert_eq!((error.mistakes.len(), MADE.get() - before), (2000, 1));
+        assert_eq!((error.mistakes.len(), PARSE_COUNT.get() - before), (2000, 1));
         for mistake in &error.mistakes {
             let number: usize = mistake.key["connections.c".len()..]
                 .split('.')
@@ -119,10 +119,10 @@ mod tests {
     }
 
     #[test]
-    fn keys_stand_on_their_lines() {
+    fn key_lines_find_line_of_each_key() {
         let text =
             "a = 1\n\n[b]\nc = { d = 1 }\n[[faults]]\nat = 1\n[[faults]]\nname = \"x\"\nat = 2\n[b.'e.f']\ng = 1\n";
-        let lines = Lines::of(text);
+        let lines = KeyLines::of(text);
         for (key, line) in [
             ("a", Some(1)),
             ("b", Some(3)),
@@ -139,6 +139,6 @@ mod tests {
         ] {
             assert_eq!(lines.line(key), line, "{key}");
         }
-        assert_eq!(Lines::of("no toml").line("no"), None);
+        assert_eq!(KeyLines::of("no toml").line("no"), None);
     }
 }

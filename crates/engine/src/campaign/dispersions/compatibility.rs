@@ -1,22 +1,22 @@
-//! Checks that draws fit their keys.
+//! Checks that value sources fit their keys.
 
 use toml::Table;
 
 use super::quantity::{Quantity, at_key};
-use super::{Dispersion, Draws, Frame, Mode};
+use super::{AttitudeFormat, Dispersion, Mode, ValueSource};
 
-/// Compares a dispersion with the values at its keys; `owns` are the numbers there.
+/// Compares a dispersion with the values at its keys; `nominals` are the numbers there.
 pub(super) fn check(
     dispersion: &Dispersion,
-    owns: &[Option<Quantity>],
+    nominals: &[Option<Quantity>],
     scenario: &Table,
     refuse: &mut dyn FnMut(&str, String),
 ) {
-    let changes = dispersion.mode != Mode::Absolute || dispersion.draws.turns();
-    if dispersion.targets.is_empty() && (changes || dispersion.draws.turns()) {
+    let changes = dispersion.mode != Mode::Absolute || dispersion.source.transforms_value();
+    if dispersion.targets.is_empty() && (changes || dispersion.source.transforms_value()) {
         refuse("key", "is missing: there is no value of the scenario to change".into());
     }
-    let Some(numbers) = dispersion.draws.numbers() else {
+    let Some(numbers) = dispersion.source.number_count() else {
         if dispersion.mode != Mode::Absolute {
             refuse("as", "is for numbers, but the values are others".into());
         }
@@ -28,9 +28,9 @@ pub(super) fn check(
         }
         return;
     };
-    for (target, own) in dispersion.targets.iter().zip(owns) {
+    for (target, nominal) in dispersion.targets.iter().zip(nominals) {
         let key = &target.key;
-        let Some(own) = own else {
+        let Some(nominal) = nominal else {
             if changes || target.element.is_some() {
                 refuse(
                     "key",
@@ -46,34 +46,34 @@ pub(super) fn check(
         };
         let reason = match target.element {
             Some(_) if numbers != 1 => Some(format!("names an element, but the values have {numbers} numbers")),
-            Some(element) if !own.listed || element >= own.numbers.len() => Some(format!(
+            Some(element) if !nominal.is_list || element >= nominal.numbers.len() => Some(format!(
                 "the scenario has {} at `{key}`: there is no element {element}, counted from 0",
-                own.text()
+                nominal.text()
             )),
-            _ => shapes(dispersion, own, target.element.is_some(), numbers),
+            _ => shape_mismatch(dispersion, nominal, target.element.is_some(), numbers),
         };
         if let Some(reason) = reason {
             refuse("key", reason);
         }
-        let named = dispersion.mode == Mode::Offset || target.element.is_some() || dispersion.draws.turns();
-        let parts =
-            matches!(dispersion.mode, Mode::Relative | Mode::Factor) || matches!(dispersion.draws, Draws::Inertia(_));
-        if named && !parts && dispersion.unit != own.unit {
-            let (unit, own) = (&dispersion.unit, own.text());
+        let named = dispersion.mode == Mode::Offset || target.element.is_some() || dispersion.source.transforms_value();
+        let is_fraction = matches!(dispersion.mode, Mode::Relative | Mode::Factor)
+            || matches!(dispersion.source, ValueSource::Inertia(_));
+        if named && !is_fraction && dispersion.unit != nominal.unit {
+            let (unit, nominal) = (&dispersion.unit, nominal.text());
             refuse(
                 "unit",
-                format!("is `{unit}`, but the scenario has {own} at `{key}`: use its unit"),
+                format!("is `{unit}`, but the scenario has {nominal} at `{key}`: use its unit"),
             );
         }
     }
 }
 
 /// The mistake of giving this many numbers to an existing value.
-fn shapes(dispersion: &Dispersion, own: &Quantity, element: bool, numbers: usize) -> Option<String> {
-    let there = || format!("the scenario has {} there", own.text());
-    match &dispersion.draws {
-        Draws::Inertia(inertia) => {
-            let fit = own.numbers.len() == 6 || (own.numbers.len() == 3 && inertia.turn == 0.0);
+fn shape_mismatch(dispersion: &Dispersion, nominal: &Quantity, element: bool, numbers: usize) -> Option<String> {
+    let there = || format!("the scenario has {} there", nominal.text());
+    match &dispersion.source {
+        ValueSource::Inertia(inertia) => {
+            let fit = nominal.numbers.len() == 6 || (nominal.numbers.len() == 3 && inertia.rotation_deviation == 0.0);
             return (!fit).then(|| {
                 format!(
                     "{}: an inertia has three principal moments, or with `turn` xx, yy, zz, xy, xz and yz",
@@ -81,13 +81,13 @@ fn shapes(dispersion: &Dispersion, own: &Quantity, element: bool, numbers: usize
                 )
             });
         }
-        Draws::Misalignment(_, frame) => {
+        ValueSource::Misalignment(_, frame) => {
             let word = match frame {
-                Frame::Quaternion => "quaternion, the scalar first",
-                Frame::RollPitchYaw { .. } => "roll, pitch and yaw",
-                Frame::Direction => "direction of three numbers",
+                AttitudeFormat::Quaternion => "quaternion, the scalar first",
+                AttitudeFormat::RollPitchYaw { .. } => "roll, pitch and yaw",
+                AttitudeFormat::Direction => "direction of three numbers",
             };
-            return (!own.listed || own.numbers.len() != numbers)
+            return (!nominal.is_list || nominal.numbers.len() != numbers)
                 .then(|| format!("{}, which is no {word}: see `written`", there()));
         }
         _ => {}
@@ -96,19 +96,19 @@ fn shapes(dispersion: &Dispersion, own: &Quantity, element: bool, numbers: usize
     if element || all {
         return None;
     }
-    if numbers == 1 && own.listed {
+    if numbers == 1 && nominal.is_list {
         return Some(format!("{}: name one of the numbers, as in `KEY[0]`", there()));
     }
-    if numbers > 1 && own.listed && own.numbers.len() != numbers {
+    if numbers > 1 && nominal.is_list && nominal.numbers.len() != numbers {
         return Some(format!("{}, but the values have {numbers} numbers", there()));
     }
-    if numbers > 1 && !own.listed {
+    if numbers > 1 && !nominal.is_list {
         return Some(format!(
             "{}, which is one number, but the values have {numbers}",
             there()
         ));
     }
-    let whole = own.decimals[..] == [Some(0)] && own.unit.is_empty();
+    let whole = nominal.decimals[..] == [Some(0)] && nominal.unit.is_empty();
     let rounded = dispersion.step.as_ref().is_some_and(|step| step.decimals == 0);
     let plain = dispersion.mode != Mode::Absolute || dispersion.unit.is_empty();
     (whole && plain && !rounded).then(|| format!("{}, a whole number: round to whole ones with round = 1", there()))

@@ -2,25 +2,25 @@
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Stroke};
 
-use super::content::{Picture, Place, label, numbered};
+use super::content::{Picture, PlotPosition, axis_label, index_by_value};
 use crate::campaign::Column;
 use crate::campaign::figure_value;
 use crate::campaign::figures::Figures;
 use crate::campaign::short;
-use crate::campaign::tell::distinct;
+use crate::campaign::summary::distinct;
 use crate::campaign::workers::point::Result as PointResult;
 
 /// The positions of a picture along its only axis.
-struct Axis<'a> {
-    places: Vec<(&'a String, Place<'a>)>,
+struct KeyAxis<'a> {
+    positions: Vec<(&'a String, PlotPosition<'a>)>,
     /// The coordinate of each position.
     xs: Vec<f64>,
-    lowest: bool,
+    lower_is_worse: bool,
 }
 
 /// A figure of merit, or each criterion as a fraction of its limit.
-pub(crate) fn over_one(picture: &Picture<'_>, column: &Column) -> Drawing {
-    let axis = Axis::of(picture, column);
+pub(crate) fn chart_over_one_key(picture: &Picture<'_>, column: &Column) -> Drawing {
+    let axis = KeyAxis::of(picture, column);
     let (y_label, curves, limits) = axis.figure(picture).unwrap_or_else(|| axis.criteria(picture));
     let values = || {
         curves
@@ -32,12 +32,12 @@ pub(crate) fn over_one(picture: &Picture<'_>, column: &Column) -> Drawing {
     let spread = values().fold(0.0, f64::max) / values().fold(f64::INFINITY, f64::min);
     Chart {
         title: format!("{}: green where {}", picture.title, picture.word()),
-        x_label: label(column),
+        x_label: axis_label(column),
         y_label,
         x_names: if column.numbers.is_some() {
             Vec::new()
         } else {
-            axis.places.iter().map(|(value, _)| (*value).clone()).collect()
+            axis.positions.iter().map(|(value, _)| (*value).clone()).collect()
         },
         logarithmic_x: false,
         logarithmic: spread > 30.0,
@@ -49,38 +49,39 @@ pub(crate) fn over_one(picture: &Picture<'_>, column: &Column) -> Drawing {
 }
 
 /// The points of each value of `column`, in order of first occurrence of the values.
-fn places<'a>(picture: &Picture<'a>, column: &'a Column) -> Vec<(&'a String, Place<'a>)> {
+fn positions<'a>(picture: &Picture<'a>, column: &'a Column) -> Vec<(&'a String, PlotPosition<'a>)> {
     let values = distinct(&column.texts);
-    let mut places: Vec<(&String, Place<'_>)> = values.iter().map(|value| (*value, Place::default())).collect();
-    let numbers = numbered(&values);
+    let mut positions: Vec<(&String, PlotPosition<'_>)> =
+        values.iter().map(|value| (*value, PlotPosition::default())).collect();
+    let numbers = index_by_value(&values);
     for (text, result) in column.texts.iter().zip(picture.results) {
-        places[numbers[text]].1.results.push(result.as_ref());
+        positions[numbers[text]].1.results.push(result.as_ref());
     }
-    places
+    positions
 }
 
 /// The label of the vertical axis, curves and limits.
-type Shown = (String, Vec<Curve>, Vec<Limit>);
+type FigureCurves = (String, Vec<Curve>, Vec<Limit>);
 
-impl<'a> Axis<'a> {
-    fn of(picture: &Picture<'a>, column: &'a Column) -> Axis<'a> {
-        let mut places = places(picture, column);
+impl<'a> KeyAxis<'a> {
+    fn of(picture: &Picture<'a>, column: &'a Column) -> KeyAxis<'a> {
+        let mut positions = positions(picture, column);
         let position = |value: &String| {
             let at = column.texts.iter().position(|text| text == value)?;
             column.numbers.as_ref().map(|numbers| numbers[at])
         };
         if column.numbers.is_some() {
-            places.sort_by(|a, b| f64::total_cmp(&position(a.0).unwrap_or(0.0), &position(b.0).unwrap_or(0.0)));
+            positions.sort_by(|a, b| f64::total_cmp(&position(a.0).unwrap_or(0.0), &position(b.0).unwrap_or(0.0)));
         }
-        let xs = places
+        let xs = positions
             .iter()
             .enumerate()
             .map(|(at, (value, _))| position(value).unwrap_or(at as f64))
             .collect();
-        Axis {
-            places,
+        KeyAxis {
+            positions,
             xs,
-            lowest: picture.lowest(),
+            lower_is_worse: picture.lower_is_worse(),
         }
     }
 
@@ -88,10 +89,10 @@ impl<'a> Axis<'a> {
     fn bands(&self) -> Vec<Band> {
         let xs = &self.xs;
         let middle = |at: usize, other: usize| (xs[at] + xs[other]) / 2.0;
-        let bands = self.places.iter().enumerate().map(|(at, (_, place))| Band {
+        let bands = self.positions.iter().enumerate().map(|(at, (_, position))| Band {
             from: if at == 0 { xs[0] } else { middle(at, at - 1) },
             to: if at + 1 == xs.len() { xs[at] } else { middle(at, at + 1) },
-            shade: place.shade(),
+            shade: position.shade(),
         });
         bands.collect()
     }
@@ -103,15 +104,15 @@ impl<'a> Axis<'a> {
             points: self
                 .xs
                 .iter()
-                .zip(&self.places)
-                .map(|(x, (_, place))| [*x, place.worst(self.lowest, of).unwrap_or(f64::NAN)])
+                .zip(&self.positions)
+                .map(|(x, (_, position))| [*x, position.worst(self.lower_is_worse, of).unwrap_or(f64::NAN)])
                 .collect(),
             stroke: Stroke::Marked,
         }
     }
 
     /// The requested figure of merit, with its limits.
-    fn figure(&self, picture: &Picture<'_>) -> Option<Shown> {
+    fn figure(&self, picture: &Picture<'_>) -> Option<FigureCurves> {
         let figure = picture.figure?;
         let y_label = if figure.unit.is_empty() {
             figure.words()
@@ -142,7 +143,7 @@ impl<'a> Axis<'a> {
     }
 
     /// Every criterion with an upper limit, as a fraction of it.
-    fn criteria(&self, picture: &Picture<'_>) -> Shown {
+    fn criteria(&self, picture: &Picture<'_>) -> FigureCurves {
         let limits = vec![Limit {
             value: 1.0,
             name: "limit".into(),

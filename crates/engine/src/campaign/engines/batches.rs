@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::submit::{Cluster, Gave, Underway, give, place};
+use super::submit::{Cluster, Submission, Underway, campaign_root, submit_missing};
 use crate::Catalogue;
 use crate::campaign::folder::identity::Identity;
 use crate::campaign::shards::merge::merge;
@@ -12,7 +12,7 @@ use crate::scenario::Scenario;
 
 /// Number of points submitted before the first check. With fewer points, a share of met points is not known to within a few
 /// percent.
-const BEGIN: usize = 128;
+const FIRST_BATCH: usize = 128;
 
 /// Progress of the campaign.
 #[derive(Debug)]
@@ -42,17 +42,17 @@ pub fn submit(
     let all = campaign.points.len();
     let mut count = match options.until {
         None => all,
-        Some(_) => begin(campaign, scenario, options, cluster)?,
+        Some(_) => first_batch_size(campaign, scenario, options, cluster)?,
     };
     loop {
         let part = campaign.first(count);
-        let (root, shards) = match give(catalogue, &part, scenario, options, cluster)? {
-            Gave::Underway(underway) => return Ok(Step::Given(underway)),
-            Gave::Complete { root, shards } => (root, shards),
+        let (root, shards) = match submit_missing(catalogue, &part, scenario, options, cluster)? {
+            Submission::Underway(underway) => return Ok(Step::Given(underway)),
+            Submission::Complete { root, shards } => (root, shards),
         };
         let (part, mut finished) = merge(&root, &shards)?;
         let watch = options.until.clone();
-        let end = watch.and_then(|mut watch| watch.look(&finished.results));
+        let end = watch.and_then(|mut watch| watch.evaluate(&finished.results));
         if end.is_some() || count == all {
             finished.results.truncate(end.unwrap_or(count));
             return Ok(Step::Complete(Box::new(part), Box::new(finished)));
@@ -62,7 +62,7 @@ pub fn submit(
 }
 
 /// Number of points of the first batch: those that the folder already is for, or a few.
-fn begin(
+fn first_batch_size(
     campaign: &Campaign,
     scenario: &Scenario,
     options: &Options,
@@ -74,8 +74,8 @@ fn begin(
              the design random or sobol make the points",
         );
     }
-    let root = place(campaign, &Identity::of(campaign, scenario)?, options)?;
+    let root = campaign_root(campaign, &Identity::of(campaign, scenario)?, options)?;
     // A folder with more points than are wanted is rejected where it is locked.
     let known = Identity::read(&root).map_or(0, |known| known.points);
-    Ok(known.max(BEGIN).min(campaign.points.len()))
+    Ok(known.max(FIRST_BATCH).min(campaign.points.len()))
 }

@@ -11,14 +11,14 @@ use super::workers::point::Result as PointResult;
 use super::{CampaignError, Number};
 
 /// With fewer points than this the interval of a mean is not trustworthy.
-const MEAN_LEAST: usize = 30;
+const MEAN_POINTS_MIN: usize = 30;
 
 /// A figure and the half width of its 95 % confidence interval at which a campaign ends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Until {
     /// The share of points that are met, or the mean of the figure of merit with this name.
-    what: Option<String>,
+    figure_name: Option<String>,
     /// Percent: absolute for the share, relative for a mean.
     percent: f64,
 }
@@ -26,7 +26,12 @@ pub struct Until {
 impl fmt::Display for Until {
     /// As it is read.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} within {} %", self.what.as_deref().unwrap_or("met"), self.percent)
+        write!(
+            f,
+            "{} within {} %",
+            self.figure_name.as_deref().unwrap_or("met"),
+            self.percent
+        )
     }
 }
 
@@ -54,14 +59,14 @@ impl FromStr for Until {
                 "`{text}` says no width: write `met within 1 %`, or `FIGURE within 2 %` for the mean of a figure of merit"
             )
         };
-        let (what, width) = text.rsplit_once(" within ").ok_or_else(wrong)?;
-        let (what, width) = (what.trim(), width.trim().strip_suffix('%').ok_or_else(wrong)?);
+        let (figure_name, width) = text.rsplit_once(" within ").ok_or_else(wrong)?;
+        let (figure_name, width) = (figure_name.trim(), width.trim().strip_suffix('%').ok_or_else(wrong)?);
         let percent: f64 = width.trim().parse().map_err(|_| wrong())?;
-        if what.is_empty() || !(percent > 0.0 && percent < 100.0) {
+        if figure_name.is_empty() || !(percent > 0.0 && percent < 100.0) {
             return Err(wrong());
         }
         Ok(Until {
-            what: (what != "met").then(|| what.to_owned()),
+            figure_name: (figure_name != "met").then(|| figure_name.to_owned()),
             percent,
         })
     }
@@ -73,7 +78,7 @@ impl Until {
     /// # Errors
     /// When the figure does not exist.
     pub fn watch(&self, known: &[Number]) -> Result<Watch, CampaignError> {
-        let figure = match &self.what {
+        let figure = match &self.figure_name {
             Some(name) => Some(figure_of(name, known)?),
             None => None,
         };
@@ -81,7 +86,7 @@ impl Until {
             until: self.clone(),
             figure: figure.map(|figure| figure.key),
             width: self.percent / 100.0,
-            seen: 0,
+            evaluated: 0,
             enough: false,
             ran: 0,
             good: 0,
@@ -99,7 +104,7 @@ pub struct Watch {
     figure: Option<String>,
     width: f64,
     /// The number of points evaluated, counted from the first.
-    seen: usize,
+    evaluated: usize,
     enough: bool,
     /// The points that ran (and have the figure), and how many of them are good.
     ran: usize,
@@ -117,14 +122,14 @@ impl Watch {
 
     /// Evaluates the points that have arrived; returns the number of points, from the first on, with which the campaign
     /// ends, if it does.
-    pub(super) fn look(&mut self, results: &[Option<PointResult>]) -> Option<usize> {
+    pub(super) fn evaluate(&mut self, results: &[Option<PointResult>]) -> Option<usize> {
         while !self.enough
-            && let Some(Some(result)) = results.get(self.seen)
+            && let Some(Some(result)) = results.get(self.evaluated)
         {
-            self.seen += 1;
+            self.evaluated += 1;
             self.add(result);
         }
-        self.enough.then_some(self.seen)
+        self.enough.then_some(self.evaluated)
     }
 
     fn add(&mut self, result: &PointResult) {
@@ -146,7 +151,7 @@ impl Watch {
         self.mean += before / n;
         self.squares += before * (value - self.mean);
         let half = NORMAL_95 * (self.squares / (n - 1.0).max(1.0) / n).sqrt();
-        self.enough = self.ran >= MEAN_LEAST && half <= self.width * self.mean.abs();
+        self.enough = self.ran >= MEAN_POINTS_MIN && half <= self.width * self.mean.abs();
     }
 }
 
@@ -177,11 +182,11 @@ mod tests {
             .unwrap()
             .numbers()
             .collect();
-        until.parse::<Until>().unwrap().watch(&known).unwrap().look(results)
+        until.parse::<Until>().unwrap().watch(&known).unwrap().evaluate(results)
     }
 
     #[test]
-    fn share_is_known_when_its_interval_is_narrow() {
+    fn stopping_rule_of_share_ends_at_narrow_interval() {
         let results: Vec<_> = (0..2000).map(|at| Some(of(at % 2 == 0, 0.0))).collect();
         // The interval of one half has the half width z / (2 sqrt(n + z²)): 0.05 at n = 381, 0.02 at n = 2398.
         assert_eq!(end("met within 5 %", &results), Some(381));
@@ -189,18 +194,18 @@ mod tests {
     }
 
     #[test]
-    fn mean_is_known_when_its_interval_is_a_small_part_of_it() {
+    fn stopping_rule_of_mean_ends_at_narrow_interval() {
         let results: Vec<_> = (0..2000)
             .map(|at| Some(of(true, if at % 2 == 0 { 9.0 } else { 11.0 })))
             .collect();
         // Half width 1.96 / sqrt(n) of the mean 10: 1 % of it at n = 385.
         let at = end("miss within 1 %", &results).unwrap();
         assert!((384..=386).contains(&at), "{at}");
-        assert_eq!(end("miss within 90 %", &results), Some(MEAN_LEAST));
+        assert_eq!(end("miss within 90 %", &results), Some(MEAN_POINTS_MIN));
     }
 
     #[test]
-    fn end_depends_on_the_order_of_the_points_alone() {
+    fn stopping_rule_depends_only_on_order_of_points() {
         let all: Vec<_> = (0..600).map(|at| Some(of(at % 2 == 0, 0.0))).collect();
         let known: Vec<Number> = all[0].as_ref().unwrap().figures.as_ref().unwrap().numbers().collect();
         let mut watch = "met within 5 %".parse::<Until>().unwrap().watch(&known).unwrap();
@@ -208,14 +213,14 @@ mod tests {
         // The last first: the points before them are not known yet.
         for at in (100..600).rev() {
             some[at] = all[at].clone();
-            assert_eq!(watch.look(&some), None);
+            assert_eq!(watch.evaluate(&some), None);
         }
         some[..100].clone_from_slice(&all[..100]);
-        assert_eq!(watch.look(&some), Some(381));
+        assert_eq!(watch.evaluate(&some), Some(381));
     }
 
     #[test]
-    fn rule_is_written_as_it_is_read() {
+    fn stopping_rule_round_trips_through_text() {
         for text in ["met within 7 %", "miss distance within 0.1 %"] {
             let until: Until = text.parse().unwrap();
             assert_eq!(until.to_string(), text);
@@ -225,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn words_without_a_width_are_refused() {
+    fn stopping_rule_without_width_is_rejected() {
         for text in [
             "met",
             "met within",

@@ -7,11 +7,11 @@ use toml::Table;
 
 use super::error::{Mistake, ScenarioError};
 use super::names::Names;
-use super::source::Source;
+use super::source::SourceContext;
 
 /// Reads both tables, as far as possible without the ports of the participants.
 pub(super) fn read(
-    source: &Source,
+    source: &SourceContext,
     participants: &Names,
     report: Option<&Table>,
     scene: Option<&Table>,
@@ -42,7 +42,7 @@ pub(super) fn read(
     if wrong.is_empty() { Ok(view) } else { Err(wrong) }
 }
 
-fn mistakes(source: &Source, table: &str, wrong: Vec<Misfit>) -> Vec<Mistake> {
+fn mistakes(source: &SourceContext, table: &str, wrong: Vec<Misfit>) -> Vec<Mistake> {
     let mistake = |misfit: Misfit| match &*misfit.key {
         "" => source.mistake(table, misfit.reason),
         key => source.mistake(&format!("{table}.{key}"), misfit.reason),
@@ -53,15 +53,15 @@ fn mistakes(source: &Source, table: &str, wrong: Vec<Misfit>) -> Vec<Mistake> {
 /// Checks the tables `[report]` and `[scene]` against the ports of `plan`; entries for participants whose ports are not `certain`
 /// are left out.
 pub(super) fn check(
-    pictures: &View,
-    source: &Source,
+    view: &View,
+    source: &SourceContext,
     plan: &Plan,
     certain: impl Fn(usize) -> bool,
 ) -> Result<(), ScenarioError> {
     let streams = crate::run::streams(plan);
     let known = |name: &str| plan.participant(name).is_some_and(&certain);
-    let mut wrong = mistakes(source, "report", pictures.misfits(&streams, known));
-    if let Some(scene) = &pictures.scene {
+    let mut wrong = mistakes(source, "report", view.misfits(&streams, known));
+    if let Some(scene) = &view.scene {
         wrong.extend(mistakes(source, "scene", scene.misfits(&streams, &known)));
     }
     if wrong.is_empty() {

@@ -9,7 +9,7 @@ use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 use tape::folder::private_dir_builder;
 
-use super::identity::{Identity, default_root, failed};
+use super::identity::{Identity, default_root, io_error};
 use super::journal::{self, Journal};
 use crate::campaign::options::Options;
 use crate::campaign::workers::point::Result as PointResult;
@@ -40,7 +40,7 @@ pub struct Folder {
 
 /// The results in a folder.
 #[derive(Debug, Default)]
-pub struct Known {
+pub struct JournaledResults {
     /// The result of each point.
     pub results: Vec<Option<PointResult>>,
     /// Points of the preceding shard that were run for comparison.
@@ -55,10 +55,11 @@ fn refusal(root: &Path, reason: impl Into<String>) -> CampaignError {
 }
 
 /// Whether the folder contains anything but the remains of a start that was killed before it had written the identity.
-fn is_taken(root: &Path) -> bool {
-    let begun = |name: &str| ["lock", "points.jsonl", "points.jsonl.part", "campaign.json.part"].contains(&name);
+fn is_occupied(root: &Path) -> bool {
+    let is_start_remnant =
+        |name: &str| ["lock", "points.jsonl", "points.jsonl.part", "campaign.json.part"].contains(&name);
     let mut entries = fs::read_dir(root).into_iter().flatten().flatten();
-    entries.any(|entry| !entry.file_name().to_str().is_some_and(begun))
+    entries.any(|entry| !entry.file_name().to_str().is_some_and(is_start_remnant))
 }
 
 /// Locks the folder for this process.
@@ -69,7 +70,7 @@ fn lock(root: &Path) -> Result<File, CampaignError> {
         .truncate(false)
         .write(true)
         .open(&path)
-        .map_err(failed(&path, "create the file"))?;
+        .map_err(io_error(&path, "create the file"))?;
     if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
         let reason = "is being worked in by another campaign: wait, or name another with --out";
         return Err(refusal(root, reason));
@@ -99,12 +100,16 @@ impl Folder {
     ///
     /// # Errors
     /// When it belongs to something else, or another process holds it.
-    pub fn open(campaign: &Campaign, identity: &Identity, options: &Options) -> Result<(Folder, Known), CampaignError> {
-        Folder::take(&Folder::place(campaign, identity, options), campaign, identity)
+    pub fn open(
+        campaign: &Campaign,
+        identity: &Identity,
+        options: &Options,
+    ) -> Result<(Folder, JournaledResults), CampaignError> {
+        Folder::lock_at(&Folder::path_of(campaign, identity, options), campaign, identity)
     }
 
     /// The path of the folder of `campaign` with the identity `identity`, whether it exists or not.
-    pub(crate) fn place(campaign: &Campaign, identity: &Identity, options: &Options) -> PathBuf {
+    pub(crate) fn path_of(campaign: &Campaign, identity: &Identity, options: &Options) -> PathBuf {
         match &options.out {
             Some(out) => out.clone(),
             // The number of points is not part of the name where the campaign may grow.
@@ -117,28 +122,28 @@ impl Folder {
     ///
     /// # Errors
     /// As [`Folder::open`].
-    pub(crate) fn take(
+    pub(crate) fn lock_at(
         root: &Path,
         campaign: &Campaign,
         identity: &Identity,
-    ) -> Result<(Folder, Known), CampaignError> {
+    ) -> Result<(Folder, JournaledResults), CampaignError> {
         if root.exists() && !root.is_dir() {
             return Err(refusal(root, "is not a folder: name a new one with --out"));
         }
         // In this order: a process that creates the folder at the same moment begins with that file.
-        if is_taken(root) && !root.join("campaign.json").exists() {
+        if is_occupied(root) && !root.join("campaign.json").exists() {
             return Err(refusal(
                 root,
                 "is not empty and no campaign's: name a new folder with --out",
             ));
         }
-        let made = private_dir_builder().recursive(true).create(root);
-        made.map_err(failed(root, "create the folder"))?;
+        let created = private_dir_builder().recursive(true).create(root);
+        created.map_err(io_error(root, "create the folder"))?;
         let lock = lock(root)?;
         if root.join("campaign.json").exists() {
             let known = Identity::read(root)?;
             known
-                .may_become(identity, campaign)
+                .check_can_become(identity, campaign)
                 .map_err(|reason| refusal(root, reason))?;
             // Damaged points are written anew as well.
             if known != *identity || !identity.has_rows(root, campaign) {
@@ -147,19 +152,19 @@ impl Folder {
         } else {
             identity.write(root, campaign)?;
         }
-        let mut known = Known {
+        let mut known = JournaledResults {
             results: vec![None; campaign.points.len()],
             audited: BTreeSet::new(),
         };
-        let journal = Journal::open(root, |entry| known.take(entry, identity))?;
+        let journal = Journal::open(root, |entry| known.apply(entry, identity))?;
         let root = root.to_owned();
         let folder = Folder { root, journal, lock };
-        folder.remove_remains(&known.results)?;
+        folder.remove_leftovers(&known.results)?;
         Ok((folder, known))
     }
 
     /// Records in the folder which process holds it.
-    pub(crate) fn hold(&mut self, workers: usize) -> Result<(), CampaignError> {
+    pub(crate) fn write_holder(&mut self, workers: usize) -> Result<(), CampaignError> {
         let holder = Holder {
             node: journal::node(),
             pid: std::process::id(),
@@ -167,7 +172,7 @@ impl Folder {
         };
         let text = serde_json::to_string(&holder).unwrap_or_default() + "\n";
         let written = self.lock.set_len(0).and_then(|()| self.lock.write_all(text.as_bytes()));
-        written.map_err(failed(&self.root.join("lock"), "write the file"))
+        written.map_err(io_error(&self.root.join("lock"), "write the file"))
     }
 
     /// The folder.
@@ -176,13 +181,13 @@ impl Folder {
     }
 
     /// The run folder of point number `point`, from 1.
-    pub fn run(&self, point: usize) -> PathBuf {
+    pub fn run_folder(&self, point: usize) -> PathBuf {
         self.root.join("runs").join(format!("{point:05}"))
     }
 
     /// Whether the run folder of point number `point`, from 1, is there and complete: the summary is its last file.
     pub fn has_run(&self, point: usize) -> bool {
-        self.run(point).join("summary.json").is_file()
+        self.run_folder(point).join("summary.json").is_file()
     }
 
     /// The path where worker number `worker` may make a temporary run folder.
@@ -192,7 +197,7 @@ impl Folder {
 
     /// Removes what a campaign that was killed left behind: temporary run folders, and incomplete ones of points that are
     /// still to be run or ran to their ends. The folder of a run that failed may have no summary, and stays.
-    fn remove_remains(&self, results: &[Option<PointResult>]) -> Result<(), CampaignError> {
+    fn remove_leftovers(&self, results: &[Option<PointResult>]) -> Result<(), CampaignError> {
         let entries = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
         let scratch = entries(&self.root).filter(|entry| entry.file_name().to_string_lossy().starts_with(SCRATCH));
         let incomplete = entries(&self.root.join("runs")).filter(|entry| {
@@ -204,51 +209,51 @@ impl Folder {
             over && !entry.path().join("summary.json").exists()
         });
         for path in scratch.chain(incomplete).map(|entry| entry.path()) {
-            fs::remove_dir_all(&path).map_err(failed(&path, "remove the incomplete run folder"))?;
+            fs::remove_dir_all(&path).map_err(io_error(&path, "remove the incomplete run folder"))?;
         }
         Ok(())
     }
 
     /// Appends the result of a point, from 1, to the journal; it has been handed to the operating system when this returns.
-    pub fn note(
+    pub fn append_result(
         &self,
         campaign: &Campaign,
         point: usize,
         audit: bool,
         result: &PointResult,
     ) -> Result<(), CampaignError> {
-        self.journal.add(point, campaign.values(point - 1), audit, result)
+        self.journal.append(point, campaign.values(point - 1), audit, result)
     }
 
     /// Appends a result from another machine to the journal.
-    pub(crate) fn adopt(
+    pub(crate) fn append_foreign_result(
         &self,
         campaign: &Campaign,
         point: usize,
         node: &str,
         result: &PointResult,
     ) -> Result<(), CampaignError> {
-        let entry = journal::Entry {
+        let entry = journal::JournalEntry {
             point,
             values: campaign.values(point - 1),
             node: node.to_owned(),
             audit: false,
             result: result.clone(),
         };
-        self.journal.put(&entry)
+        self.journal.append_entry(&entry)
     }
 
     /// Writes a file of the folder atomically.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<PathBuf, CampaignError> {
         let path = self.root.join(name);
-        tape::write_atomic(&path, content).map_err(failed(&path, "write the file"))?;
+        tape::write_atomic(&path, content).map_err(io_error(&path, "write the file"))?;
         Ok(path)
     }
 }
 
-impl Known {
+impl JournaledResults {
     /// Applies an entry of the journal. A point that crashed is run again: the machine may have caused the crash.
-    fn take(&mut self, entry: journal::Entry, identity: &Identity) {
+    fn apply(&mut self, entry: journal::JournalEntry, identity: &Identity) {
         let Some(at) = entry.point.checked_sub(1).filter(|at| *at < self.results.len()) else {
             return;
         };

@@ -13,7 +13,7 @@ const MARKS_MAX: usize = 60;
 
 /// For each criterion its sorted values, as fractions of the limit, over the fraction of the points; without criteria those
 /// of the figure. The fraction of the points that is met is green. `None` where there is nothing to draw.
-pub(crate) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
+pub(crate) fn draw_distribution(picture: &Picture<'_>) -> Option<Drawing> {
     let with = || {
         picture
             .results
@@ -21,7 +21,7 @@ pub(crate) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
             .flatten()
             .filter_map(|result| result.figures.as_ref())
     };
-    let mut curves = parts_of_limits(with);
+    let mut curves = limit_fraction_curves(with);
     let (mut limits, mut y_label) = (Vec::new(), "part of the limit".to_owned());
     if curves.is_empty() {
         let Number { key, unit, .. } = picture.figure?;
@@ -86,7 +86,7 @@ pub(crate) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
 }
 
 /// The values of each criterion that has an upper limit, as fractions of it.
-fn parts_of_limits<'a, I: Iterator<Item = &'a Figures>>(with: impl Fn() -> I) -> Vec<Curve> {
+fn limit_fraction_curves<'a, I: Iterator<Item = &'a Figures>>(with: impl Fn() -> I) -> Vec<Curve> {
     let criteria = with().next().map_or(&[][..], |figures| &figures.criteria);
     let mut curves = Vec::new();
     for criterion in criteria {

@@ -178,7 +178,7 @@ impl ScenarioSpec {
     }
 
     /// Calls `visit` with every time and its key.
-    pub(in crate::scenario) fn each_time(&mut self, visit: &mut dyn FnMut(String, &mut Time)) {
+    pub(in crate::scenario) fn for_each_time(&mut self, visit: &mut dyn FnMut(String, &mut Time)) {
         visit("duration".into(), &mut self.duration);
         let mut below = |section: &str, name: &str, times: &mut [(&str, Option<&mut Time>)]| {
             for (key, time) in times {
