@@ -329,7 +329,7 @@ mod tests {
     /// The decoders also survive random changes of the corpus. `ESCAPEMENT_MUTATIONS` is the number of changed versions of
     /// each input.
     #[test]
-    fn what_is_nearly_the_corpus_is_survived() {
+    fn decoders_return_for_mutated_corpus() {
         let rounds = std::env::var("ESCAPEMENT_MUTATIONS").ok();
         let rounds: u64 = rounds.and_then(|rounds| rounds.parse().ok()).unwrap_or(60);
         for (name, decode) in ALL {
@@ -359,7 +359,7 @@ mod tests {
 
     /// All inputs of the corpus, including crashes that were found.
     #[test]
-    fn the_corpus_is_survived() {
+    fn decoders_return_for_corpus() {
         for (name, decode) in ALL {
             let folder = root().join("fuzz/corpus").join(name);
             let entries = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));

@@ -276,7 +276,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn without_a_terminal_a_line_is_due_every_ten_seconds() {
+    fn progress_without_terminal_is_due_every_ten_seconds() {
         let start = Instant::now();
         let mut line = Line::shown(How::Written, start);
         let due: Vec<u64> = (0..42_000)
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn in_a_terminal_it_moves_at_once_and_quiet_it_never_does() {
+    fn progress_in_terminal_is_due_at_once_and_never_if_quiet() {
         let start = Instant::now();
         let count = |how: How| {
             let mut line = Line::shown(how, start);
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moving_line_stays_in_its_row() {
+    fn progress_line_is_cut_to_terminal_width() {
         let mut line = Line::shown(How::Moving, Instant::now());
         let all = "t = 12.250 s of 35 s (35 %)";
         assert_eq!(line.drawing(all, None), all);
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn an_estimate_is_rounded_as_it_deserves() {
+    fn remaining_time_is_rounded() {
         let said: Vec<String> = [0.2, 119.4, 150.0, 8000.0, f64::INFINITY].map(left).into();
         assert_eq!(said, [", 0 s left", ", 119 s left", ", 3 min left", ", 2 h left", ""]);
         assert_eq!(

@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn heard_replaces_control_bytes() {
+    fn output_replaces_control_bytes() {
         let mut out = Vec::new();
         let mut heard = Heard {
             to: &mut out,
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_that_has_left_has_heard_enough_and_a_full_disk_has_not() {
+    fn output_ignores_closed_pipe_and_reports_full_disk() {
         static LEFT: OnceLock<String> = OnceLock::new();
         static FULL: OnceLock<String> = OnceLock::new();
         for (kind, noted) in [(ErrorKind::BrokenPipe, &LEFT), (ErrorKind::StorageFull, &FULL)] {

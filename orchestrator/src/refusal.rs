@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cause_is_told_once() {
+    fn error_text_names_repeated_cause_once() {
         let error = || io::Error::other("the disk is full");
         let told = |error: anyhow::Error| words(&error);
         assert_eq!(told(error().into()), "the disk is full");
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_user_must_change_has_its_exit_code() {
+    fn user_mistake_exits_with_code_two() {
         assert_eq!(exit_code(&anyhow!("x")), 1);
         assert_eq!(exit_code(&Refusal::of(anyhow!("x")).into()), 2);
         assert_eq!(exit_code(&RunFailure::Interrupted.into()), 1);

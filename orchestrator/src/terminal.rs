@@ -189,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_says_how_far_it_is_and_how_long_it_takes_still() {
+    fn run_progress_shows_time_and_remaining_time() {
         assert_eq!(
             run_line(12.25, 0.0, 35.0, 4.0),
             "t = 12.250 s of 35 s (35 %), 3.1 times real time, 7 s left"
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_campaign_counts_its_points_and_estimates_from_its_own() {
+    fn campaign_progress_estimates_from_own_points() {
         assert_eq!(
             campaign_line(42, 84, false, (42, 14.0)),
             "42 of 84 points (50 %), 3.0 a second, 14 s left"
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn points_of_all_levels_are_counted_and_those_of_other_work_anew() {
+    fn campaign_progress_counts_levels_and_restarts_for_other_work() {
         let start = Instant::now();
         let at = |s: u64| start + std::time::Duration::from_secs(s);
         // Three points existed; the work continues level by level.

@@ -130,7 +130,7 @@ mod tests {
     use crate::refusal::Status;
 
     #[test]
-    fn instant_is_what_was_meant() {
+    fn nearest_fraction_recovers_decimal_instant() {
         for (value, numerator, denominator) in [
             (0.0, 0, 1),
             (0.01, 1, 100),

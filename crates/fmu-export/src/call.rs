@@ -446,7 +446,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn resources_are_found_in_every_spelling() {
+    fn resource_folder_is_found_in_every_spelling() {
         for said in [
             "file:///tmp/a%20b/resources",
             "file:/tmp/a%20b/resources",

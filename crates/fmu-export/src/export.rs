@@ -358,7 +358,7 @@ mod tests {
     use super::identifier;
 
     #[test]
-    fn identifier_is_one_in_c() {
+    fn identifier_is_valid_in_c() {
         assert_eq!(identifier("close-capture 2"), "close_capture_2");
         assert_eq!(identifier("2nd"), "_2nd");
     }

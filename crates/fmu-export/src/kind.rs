@@ -225,7 +225,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_numbers_pass_or_are_refused() {
+    fn integer_conversion_is_exact_or_refused() {
         let mut to = [0; 4];
         let give = |element: Element, bytes: &[u8], to: &mut [u8]| Kind::Number(element).give(bytes, Native::Int32, to);
         give(Element::I64, &(-7_i64).to_le_bytes(), &mut to).unwrap();
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_not_finite_are_discarded() {
+    fn non_finite_numbers_are_discarded() {
         let mut to = [0; 8];
         for (element, value) in [
             (Element::F64, f64::NAN),

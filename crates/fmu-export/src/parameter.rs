@@ -223,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_come_back_as_they_stand_in_the_scenario() {
+    fn parameter_values_match_scenario_text() {
         let text = "a = 0.1\nb = 7\nc = true\nd = \"2.5 mm\"\ne = \"[1, 2.5] rad/s\"\nf = \"spherical\"\ng = [[1.0, 2.0], [3.0, 4.0]]\n\
                     h = { i = \"30 Hz\" }\nj = \"\"\"\nlong\n\"\"\"";
         let table: Table = text.parse().unwrap();

@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn array_is_one_variable_or_its_elements() {
+    fn array_becomes_one_variable_or_scalars() {
         let port = Port {
             name: "out".into(),
             descriptor: Some::descriptor(),

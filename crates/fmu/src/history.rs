@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn instants_and_inputs_come_back_bit_for_bit() {
+    fn history_returns_instants_and_inputs_bitwise() {
         let (mut history, period) = (History::new(0.0), 1.0 / 300.0);
         let step = |k: u32| (f64::from(k) / 300.0, (k / 7).to_le_bytes());
         for k in 0..10_000 {
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn too_much_to_keep_is_not_kept() {
+    fn history_beyond_maximum_size_is_dropped() {
         let mut history = History::new(0.0);
         for k in 0..40_u32 {
             let input = vec![k as u8; 1 << 20];

@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn times_of_a_default_experiment_that_mean_nothing_are_noted_and_not_used() {
+    fn invalid_default_experiment_times_are_noted_and_unused() {
         for (attributes, note) in [
             ("stepSize='0'", "`stepSize` is 0 s, which is not positive"),
             ("stepSize='-0.1'", "`stepSize` is -0.1 s, which is not positive"),

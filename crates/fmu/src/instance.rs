@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn sum_of_many_steps_is_near_enough() {
+    fn step_end_within_rounding_is_accepted() {
         let (mut sum, step) = (0.0, 1e-4);
         for _ in 0..10_000_000 {
             sum += step;

@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn padding_has_a_name_that_no_variable_has() {
+    fn padding_name_differs_from_all_variables() {
         let variables = "<Float64 name='padding' valueReference='1' causality='output'/>\
                          <Int8 name='padding_2' valueReference='2' causality='output'/>";
         let interface = fmu("padding", variables)
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn why_a_state_cannot_be_saved_is_in_the_log() {
+    fn save_failure_reason_is_logged() {
         let variables = "<Float64 name='y' valueReference='1' causality='output'/>";
         let mut fmu = fmu("unsaved", variables).expect("the variables are in order");
         let lines = Arc::new(Lines::default());

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_byte_past_any_end_is_found() {
+    fn guard_detects_write_one_byte_past_piece() {
         for piece in 0..3 {
             for (past, overrun) in [(true, true), (false, false)] {
                 let mut guarded = Guarded::zeroed([8, 13, 216]);
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_guard_is_whole() {
+    fn guarded_memory_without_pieces_is_intact() {
         assert_eq!(Guarded::zeroed([]).broken(), None);
     }
 }

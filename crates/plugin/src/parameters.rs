@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_read_with_their_units() {
+    fn parameters_are_read_with_their_units() {
         let all =
             of("k = 3\nmass = '2000 g'\nat = '[1, 2] mm'\nlist = [1, 2.5]\n[gains]\nn = -4\non = true\nname = 'x'");
         assert_eq!(all.numbers("k", "", true, 0), Ok(Some(vec![3.0])));

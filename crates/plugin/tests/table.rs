@@ -123,7 +123,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 #[test]
-fn table_is_the_participant_that_it_was_made_of() {
+fn table_behaves_like_its_participant() {
     let mut own = make(&Setup {
         name: "here".into(),
         parameters: toml::Table::new(),
@@ -163,7 +163,7 @@ fn table_is_the_participant_that_it_was_made_of() {
 }
 
 #[test]
-fn refusals_failures_and_panics_come_back_in_their_own_words() {
+fn table_returns_refusals_failures_and_panics_verbatim() {
     let refused = foreign("other", "").err().unwrap();
     assert_eq!((&*refused.key, &*refused.reason), ("", "there is no other"));
     let refused = foreign("sum", "panics-at = -1").err().unwrap();
@@ -196,7 +196,7 @@ impl Sink for Heard {
 }
 
 #[test]
-fn lines_and_the_end_come_through_with_name_and_time() {
+fn table_passes_log_lines_and_termination() {
     let heard = Arc::new(Heard::default());
     for (why, parameters, last) in [
         (

@@ -185,7 +185,7 @@ mod tests {
     const HEAT: [i32; 8] = [0, 0, 0, 0, 1, 0, 0, 0];
 
     #[test]
-    fn unit_that_the_framework_converts_needs_no_factor() {
+    fn unit_known_to_framework_needs_no_factor() {
         let (mm, m) = (unit("mm", LENGTH, 1e-3, 0.0), unit("m", LENGTH, 1.0, 0.0));
         let mut line = Line::new();
         line.convert(Some(&mm), Some(&m)).unwrap();
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn offsets_of_units_meet_factors() {
+    fn unit_offsets_combine_with_factors() {
         // Ports use kelvin; 2 x + 10 applies to degrees Celsius.
         let celsius = unit("degC", HEAT, 1.0, 273.15);
         let kelvin = unit("K", HEAT, 1.0, 0.0);
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn unconverted_values_get_a_factor_with_a_unit() {
+    fn unconverted_value_gets_factor_with_unit() {
         let m = unit("m", LENGTH, 1.0, 0.0).of_port();
         let speed = unit("m/s", [0, 1, -1, 0, 0, 0, 0, 0], 1.0, 0.0).of_port();
         let pure = Conversion::none("1");

@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_gives_a_package_its_name() {
+    fn package_name_derives_from_folder() {
         for (folder, package) in [
             ("lander", "lander"),
             ("My Sim", "my-sim"),
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn sources_that_are_gone_are_named_with_what_to_do() {
+    fn missing_sources_are_named_with_remedy() {
         let refused = escapement(None, Path::new("/nowhere/orchestrator/..")).unwrap_err();
         assert!(
             refused.contains("no longer in /nowhere:") && refused.contains("--escapement FOLDER"),

@@ -31,7 +31,7 @@ mod tests {
     use super::super::content::Description;
 
     #[test]
-    fn value_that_the_type_cannot_represent_is_reported() {
+    fn literal_outside_its_type_is_reported() {
         let text = r#"<fmiModelDescription fmiVersion="3.0" modelName="m" instantiationToken="t">
              <CoSimulation modelIdentifier="m"/>
              <ModelVariables>

@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn unit_known_to_both_keeps_its_bits() {
+    fn unit_known_to_framework_keeps_values_bitwise() {
         for (name, exponents, factor, port) in [
             ("m/s2", [0, 1, -2, 0, 0, 0, 0, 0], 1.0, "m/s^2"),
             ("N.m", [1, 2, -2, 0, 0, 0, 0, 0], 1.0, "N m"),
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn user_may_name_another_unit_of_the_dimension() {
+    fn conversion_accepts_other_unit_of_same_dimension() {
         let degrees = unit("deg", [0, 0, 0, 0, 0, 0, 0, 1], 0.0174532925199433, 0.0);
         let to = degrees.to("rad").unwrap();
         assert!((to.factor - std::f64::consts::PI / 180.0).abs() < 1e-18 && to.offset == 0.0);

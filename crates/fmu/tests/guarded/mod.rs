@@ -74,7 +74,7 @@ fn child() {
 }
 
 #[test]
-fn exit_in_any_function_is_a_failure_that_names_fmu_and_function() {
+fn exit_in_any_function_fails_with_fmu_and_function_name() {
     for function in [
         "EnterConfigurationMode",
         "ExitConfigurationMode",

@@ -49,7 +49,7 @@ mod tests {
     use crate::export::sheet::SheetColumn;
 
     #[test]
-    fn cells_keep_their_digits_and_gaps() {
+    fn sheet_cells_keep_digits_and_gaps() {
         let column = |name: &str, unit: &str, cells| SheetColumn {
             name: name.into(),
             unit: unit.into(),

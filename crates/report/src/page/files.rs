@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_plan_that_cannot_be_read_is_refused_with_its_line() {
+    fn unreadable_plan_is_refused_with_its_line() {
         let root = std::env::temp_dir().join(format!("report-plans-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&root);
         std::fs::create_dir_all(&root).unwrap();

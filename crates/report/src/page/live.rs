@@ -236,7 +236,7 @@ mod tests {
         /// Whatever points a page had, after the update it has every n-th sample and the newest one, each once and in
         /// order.
         #[test]
-        fn a_page_ends_up_with_the_grid_and_the_newest(
+        fn live_page_update_gives_grid_and_newest_sample(
             stride in 1_u64..20,
             counts in prop::collection::vec(0_u64..400, 1..8),
         ) {

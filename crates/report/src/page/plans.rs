@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_named_by_what_differs() {
+    fn run_names_state_differing_keys() {
         let (rows, names) = told(&[
             "folder = 'a'\n[participants.cart]\nperiod = '10 ms'\n[participants.cart.parameters]\nmass = 2",
             "folder = 'b'\n[participants.cart]\nperiod = '20ms'\n[participants.cart.parameters]\nmass = 2",
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_long_is_told() {
+    fn plan_difference_shows_missing_and_long_values() {
         let text = "line\n".repeat(40);
         let (rows, names) = told(&[
             &format!("[x]\nmodel = '''{text}'''\n[[faults]]\nname = 'stuck'\nat = '1 s'"),

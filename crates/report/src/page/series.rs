@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_curve_keeps_every_sample() {
+    fn short_curve_keeps_every_sample() {
         let values: Vec<f64> = (0..500).map(|k| f64::from(k).sin()).collect();
         let series = first_curve(&values, 7);
         assert_eq!((&series.y, series.samples, &*series.label), (&values, 500, "x"));
@@ -386,13 +386,13 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_stream_has_an_empty_curve() {
+    fn empty_stream_has_empty_curve() {
         assert_eq!(first_curve(&[], 0).y.len(), 0);
     }
 
     /// Two streams: `a` every 3 ms from 1 ms on, `b` every 10 ms; their difference at the samples of `a` follows the delivery rule.
     #[test]
-    fn a_difference_reads_the_other_stream_by_the_delivery_rule() {
+    fn difference_resamples_other_stream_by_delivery_rule() {
         let descriptor = Descriptor {
             name: "X".into(),
             size: 8,
@@ -463,7 +463,7 @@ mod tests {
 
         /// Every point of a thinned curve is a sample at its own stamp, in order, and every bucket keeps its extremes.
         #[test]
-        fn a_long_curve_keeps_its_peaks(seed in any::<u32>(), count in 8193_usize..30_000, peak in any::<prop::sample::Index>()) {
+        fn long_curve_keeps_its_peaks(seed in any::<u32>(), count in 8193_usize..30_000, peak in any::<prop::sample::Index>()) {
             let mut values: Vec<f64> = (0..count)
                 .map(|k| (k as f64 * 1e-3 + f64::from(seed)).sin() + (k as u32).wrapping_mul(seed | 1) as f64 * 1e-11)
                 .collect();

@@ -236,7 +236,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn keys_become_words_with_units() {
+    fn summary_keys_become_labels_with_units() {
         let a = json!({"landed": true, "peak_torque_n_m": 0.073_912_34, "idle_fraction": 0.0,
             "criteria": [{"name": "peak_torque", "value": 73.912_34, "limit": 200, "unit": "mN m", "met": true}], "tape_digest": "x"});
         let b = json!({"landed": false, "wall_time_s": 1.0});
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn measures_have_rows_with_their_criteria() {
+    fn measure_rows_have_their_criteria() {
         let summary = json!({"ending": {"status": "complete"},
             "measures": {"over_shoot": {"value": 2.5, "unit": "mm"}, "late": {"value": null, "unit": "s", "reason": "never"}},
             "criteria": [{"name": "over_shoot", "value": 2.5, "limit": 2, "at_least": -1, "unit": "mm", "met": false}]});
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn the_outcome_is_told_in_words() {
+    fn outcome_text_states_ending_and_criteria() {
         let told = |summary: Value| {
             outcome(&summary)
                 .map(|(text, good)| format!("{text}, {good}"))
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_short() {
+    fn summary_numbers_have_five_digits() {
         for (x, expected) in [
             (1.1e-4, "0.00011"),
             (1.234_567_8e-7, "1.2346e-7"),

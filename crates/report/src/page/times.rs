@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_add_up_to_the_wall_time() {
+    fn time_parts_add_up_to_wall_time() {
         let summary = json!({ "wall_time_s": 9.0, "timing": {
             "paced": { "total_ns": 2_000_000_000_u64, "inputs_ns": { "b.out": 250_000_000 }, "room_ns": 0, "recorder_ns": 0, "horizon_ns": 6_500_000_000_u64 },
             "quick": { "total_ns": 5_000_000_000_u64, "inputs_ns": [1_000_000_000, 500_000_000], "room_ns": 250_000_000, "recorder_ns": 0, "horizon_ns": 7_000_000_000_u64 },

@@ -426,7 +426,7 @@ mod tests {
     </robot>"#;
 
     #[test]
-    fn shapes_follow_from_kinematics_and_inertia() {
+    fn shapes_derive_from_kinematics_and_inertia() {
         let model = Model::read(CHAIN).unwrap();
         let names: Vec<&str> = model.links.iter().map(|b| &*b.name).collect();
         assert_eq!(names, ["base", "l1", "bob", "tool"]);
@@ -443,7 +443,7 @@ mod tests {
     }
 
     #[test]
-    fn visuals_win() {
+    fn visuals_take_precedence_over_derived_shapes() {
         let text = CHAIN.replace(
             r#"<link name="l1"/>"#,
             r#"<link name="l1"><visual><origin xyz="1 2 3"/><geometry><box size="1 2 3"/></geometry>
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_tree_is_an_error() {
+    fn model_without_tree_is_rejected() {
         assert!(Model::read("<robot").is_err());
         assert!(Model::read("<robot/>").is_err());
         let text = CHAIN.replace(r#"<child link="tool"/>"#, r#"<child link="base"/>"#);

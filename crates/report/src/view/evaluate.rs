@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn small_angles_keep_their_digits() {
+    fn rotation_vector_keeps_digits_of_small_angles() {
         let angle = 1e-9_f64;
         let q = [(angle / 2.0).cos(), 0.0, (angle / 2.0).sin(), 0.0];
         assert!((rotation_vector(q)[1] - angle).abs() < 1e-24);
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn quarter_turn_about_z_swaps_the_axes() {
+    fn inverse_rotation_by_quarter_turn_swaps_axes() {
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let quarter = [half, 0.0, 0.0, half];
         let seen = turned_back(quarter, [3.0, 0.0, 5.0]);

@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn guards_and_measures_give_lines() {
+    fn limits_derive_from_guards_and_measures() {
         let plan = r#"
             [guards.rail]
             output = "cart.state"

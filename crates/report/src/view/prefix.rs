@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_get_the_prefix_of_their_size() {
+    fn unit_prefix_suits_size_of_value() {
         for (unit, size, expected) in [
             ("m", 1.0e-4, (1e-3, "mm")),
             ("m", 0.3, (1.0, "m")),

@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_of_curve_is_understood() {
+    fn view_reader_accepts_every_kind_of_curve() {
         let all = r#"
             marks = { turn = "2 s" }
             [[panels]]
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_name_their_keys() {
+    fn view_mistakes_name_their_keys() {
         for (table, expected) in [
             (
                 "[[panels]]\ncurves = ['cart.state.y']",

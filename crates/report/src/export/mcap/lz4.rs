@@ -155,14 +155,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn frame_holds_what_was_put_into_it(pieces in prop::collection::vec((prop::collection::vec(any::<u8>(), 0..40), 1_usize..30), 0..60)) {
+        fn lz4_frame_decodes_to_its_input(pieces in prop::collection::vec((prop::collection::vec(any::<u8>(), 0..40), 1_usize..30), 0..60)) {
             let bytes: Vec<u8> = pieces.into_iter().flat_map(|(piece, times)| piece.repeat(times)).collect();
             prop_assert_eq!(unpack(&frame(&bytes)), bytes);
         }
     }
 
     #[test]
-    fn numbers_that_repeat_get_smaller_and_noise_does_not_grow() {
+    fn lz4_shrinks_repeated_numbers_and_does_not_grow_noise() {
         let steps: Vec<u8> = (0..200_000_u64).flat_map(|at| (at / 100).to_le_bytes()).collect();
         let packed = frame(&steps);
         assert_eq!(unpack(&packed), steps);
