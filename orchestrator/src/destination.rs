@@ -121,10 +121,10 @@ mod tests {
             "bare/a.x.bin",
             "link",
         ] {
-            let said = check("--out", &root.join(part)).unwrap_err().to_string();
+            let error = check("--out", &root.join(part)).unwrap_err().to_string();
             assert!(
-                said.starts_with("--out ") && said.contains("never written over"),
-                "{part}: {said}"
+                error.starts_with("--out ") && error.contains("never written over"),
+                "{part}: {error}"
             );
         }
         for free in [

@@ -1,4 +1,4 @@
-//! Exports of streams whose names and shapes other tools stumble over. `tests/exports` opens the same kinds of files with
+//! Exports of streams with names and shapes that other tools handle badly. `tests/exports` opens the same kinds of files with
 //! the tools' own packages.
 
 use std::collections::BTreeMap;

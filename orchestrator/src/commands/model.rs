@@ -34,13 +34,13 @@ pub struct ModelArgs {
 /// Prints the tree of a URDF file or, with states, evaluates it at those states and prints JSON.
 pub fn run(args: &ModelArgs) -> Result<()> {
     // All possible errors are mistakes in the files.
-    let found = told(args).map_err(Refusal::of)?;
+    let found = output_text(args).map_err(Refusal::of)?;
     print!("{found}");
     Ok(())
 }
 
 /// The output to be printed.
-fn told(args: &ModelArgs) -> Result<String> {
+fn output_text(args: &ModelArgs) -> Result<String> {
     let description = read(&args.model, args.allow_unphysical)?;
     let Some(path) = args.states.as_deref() else {
         return listing(&description);

@@ -96,7 +96,7 @@ fn alias_sets_its_variable_and_counts_as_its_value() {
     let error = set(&two, "a = 1.0\nb = 2.0").unwrap_err();
     assert!(error.contains("`a` and `b` are one value"), "{error}");
     // A generated scenario has each value once.
-    let written: Vec<String> = (crate::inspect::written(&two).into_iter())
+    let written: Vec<String> = (crate::inspect::parameter_entries(&two).into_iter())
         .map(|(name, _)| name)
         .collect();
     assert_eq!(written, ["a", "n"]);
@@ -177,7 +177,7 @@ fn dimensionless_unit_with_factor_is_required() {
     );
     assert_eq!(set(&about, "pure = 0.5"), Ok(0.5));
     // Generated scenarios say it too.
-    let written = crate::inspect::written(&about);
+    let written = crate::inspect::parameter_entries(&about);
     assert_eq!(written[0].1, Value::String("0.5 %".into()));
     assert_eq!(written[1].1, Value::Float(0.5));
     assert!(Settings::read(&about, &written.into_iter().collect()).is_ok());

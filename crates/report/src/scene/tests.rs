@@ -73,7 +73,7 @@ fn scene(text: &str) -> Result<Scene, Vec<Mistake>> {
     Scene::read(&text.replace("URDF", &format!("'''{URDF}'''")).parse::<Table>().unwrap())
 }
 
-fn told(text: &str) -> Vec<String> {
+fn mistakes_in(text: &str) -> Vec<String> {
     let wrong = match scene(text) {
         Ok(scene) => scene.misfits(&streams(), &|_| true),
         Err(wrong) => wrong,
@@ -110,7 +110,7 @@ const ALL: &str = r##"
 
 #[test]
 fn scene_reader_accepts_every_kind_of_body() {
-    assert_eq!(told(ALL), [""; 0]);
+    assert_eq!(mistakes_in(ALL), [""; 0]);
     let (bound, _) = bind(&scene(ALL).unwrap(), &streams());
     let bound = bound.unwrap();
     let names: Vec<&str> = bound.bodies().iter().map(|body| &*body.name).collect();
@@ -319,7 +319,7 @@ const AROUND: &[(&str, &str)] = &[
 ];
 
 fn refused_as(text: &str, expected: &str) {
-    let wrong = told(text);
+    let wrong = mistakes_in(text);
     assert_eq!(wrong.len(), 1, "{text}: {wrong:?}");
     assert!(wrong[0].starts_with(expected), "{text}: {}", wrong[0]);
 }

@@ -47,7 +47,7 @@ pub(crate) fn scales(unit: &str) -> Vec<Scale> {
         if takes && !powered {
             return format!("{prefix}{unit}");
         }
-        let power: String = exponent.to_string().chars().map(raised).collect();
+        let power: String = exponent.to_string().chars().map(superscript).collect();
         if unit == "1" {
             format!("10{power}")
         } else {
@@ -63,7 +63,7 @@ pub(crate) fn scales(unit: &str) -> Vec<Scale> {
         .collect()
 }
 
-fn raised(digit: char) -> char {
+fn superscript(digit: char) -> char {
     match digit {
         '-' => '⁻',
         '1' => '¹',
