@@ -1,8 +1,8 @@
-//! Finds the commit that the program is built from, for `--version`. Without git, in the sources of an archive that git made, it stands in
-//! `commit.txt`; where neither knows, the version has no commit.
+//! Finds the commit that the program is built from, for `--version`. Without git, in the sources of an archive that git made, `commit.txt`
+//! contains it; without both, the version has no commit.
 //!
-//! Only a changed source runs this again: a commit alone rebuilds nothing, and a program that was built from changed files says `-dirty`
-//! until it is built again from unchanged ones.
+//! Only a changed source runs this again: a commit alone rebuilds nothing, and the version of a program that was built from changed files ends
+//! in `-dirty` until the program is built again from unchanged ones.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -32,18 +32,20 @@ fn main() {
 
 /// Whether the C library of this machine, on which the program is built and used, is one that packed relocations need: glibc 2.36 or later.
 fn libc_unpacks_relocations() -> bool {
-    let said = Command::new("getconf").arg("GNU_LIBC_VERSION").output();
-    let said = said.map_or(String::new(), |said| String::from_utf8_lossy(&said.stdout).into_owned());
-    let version = said
+    let output = Command::new("getconf").arg("GNU_LIBC_VERSION").output();
+    let text = output.map_or(String::new(), |output| {
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    });
+    let version = text
         .trim()
         .strip_prefix("glibc ")
         .and_then(|version| version.split_once('.'));
     version.is_some_and(|(major, minor)| matches!((major.parse(), minor.parse()), (Ok(2), Ok(36..))))
 }
 
-/// Whether Rust's own lld links the program, as it does on this target unless somebody says otherwise. Other linkers may not know its options.
+/// Whether Rust's own lld links the program, the default on this target. Other linkers may not know its options.
 fn links_with_lld() -> bool {
-    let is = |name: &str, value: &str| std::env::var(name).is_ok_and(|said| said == value);
+    let is = |name: &str, value: &str| std::env::var(name).is_ok_and(|actual| actual == value);
     let flags = std::env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
     let own = ["linker", "fuse-ld", "link-self-contained"];
     is("TARGET", "x86_64-unknown-linux-gnu")
@@ -72,11 +74,11 @@ fn git(root: &Path, arguments: &[&str], paths: &[PathBuf]) -> Option<String> {
     if !paths.is_empty() {
         git.arg("--").args(paths);
     }
-    let said = git.output().ok().filter(|said| said.status.success())?;
-    Some(String::from_utf8(said.stdout).ok()?.trim().to_owned())
+    let output = git.output().ok().filter(|output| output.status.success())?;
+    Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
 }
 
-/// The commit of the repository whose root this is: one around it, into which the sources were copied, knows nothing of them.
+/// The commit of the repository with this root. An enclosing repository, into which the sources were copied, does not count.
 fn from_git(root: &Path, sources: &[PathBuf]) -> Option<String> {
     let top = git(root, &["rev-parse", "--show-toplevel"], &[])?;
     if Path::new(&top).canonicalize().ok()? != root.canonicalize().ok()? {

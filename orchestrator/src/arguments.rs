@@ -22,7 +22,7 @@ pub struct ScenarioArgs {
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
     /// Substitute another program for a participant from the start: a file, or builtin:NAME (may be given more than once)
-    #[arg(long, value_name = "PARTICIPANT=PROGRAM", value_parser = substitute)]
+    #[arg(long, value_name = "PARTICIPANT=PROGRAM", value_parser = parse_substitute)]
     pub substitute: Vec<(String, RunSpec)>,
     /// Add a fault, such as at=12s,until=14s,input=controller.measured,field=q[3],kind=bias,value=0.2deg (may be given
     /// more than once; docs/scenarios.md has the keys)
@@ -32,12 +32,12 @@ pub struct ScenarioArgs {
     #[arg(long)]
     pub seed: Option<u64>,
     /// The simulated duration, such as 5s, instead of that of the scenario
-    #[arg(long, value_parser = span)]
+    #[arg(long, value_parser = parse_duration)]
     pub duration: Option<Rational>,
 }
 
 /// Parser of `--wait`: the names of the strategies.
-fn wait() -> impl TypedValueParser<Value = Wait> {
+fn wait_parser() -> impl TypedValueParser<Value = Wait> {
     PossibleValuesParser::new(Wait::ALL.map(|(name, _)| name)).map(|text| {
         let found = Wait::ALL.iter().find(|(name, _)| *name == text);
         found.map(|(_, wait)| *wait).unwrap_or_default()
@@ -45,7 +45,7 @@ fn wait() -> impl TypedValueParser<Value = Wait> {
 }
 
 /// Parser of `--overrun`: the names of the policies.
-fn overrun() -> impl TypedValueParser<Value = Overrun> {
+fn overrun_parser() -> impl TypedValueParser<Value = Overrun> {
     PossibleValuesParser::new(Overrun::ALL.map(|(name, _)| name)).map(|text| {
         let found = Overrun::ALL.iter().find(|(name, _)| *name == text);
         found.map(|(_, overrun)| *overrun).unwrap_or_default()
@@ -53,12 +53,12 @@ fn overrun() -> impl TypedValueParser<Value = Overrun> {
 }
 
 /// Parser of a participant's substitute.
-fn substitute(text: &str) -> Result<(String, RunSpec), String> {
+fn parse_substitute(text: &str) -> Result<(String, RunSpec), String> {
     engine::shadow::in_place(text, "--substitute")
 }
 
 /// Parser of an instant of a run.
-pub fn instant(text: &str) -> Result<Rational, String> {
+pub fn parse_instant(text: &str) -> Result<Rational, String> {
     let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
     if time.is_negative() {
         return Err(format!(
@@ -69,7 +69,7 @@ pub fn instant(text: &str) -> Result<Rational, String> {
 }
 
 /// Parser of a body of a scene with the file of its model.
-pub fn model(text: &str) -> Result<(String, PathBuf), String> {
+pub fn parse_model(text: &str) -> Result<(String, PathBuf), String> {
     let parts = text
         .split_once('=')
         .filter(|(body, file)| !body.is_empty() && !file.is_empty());
@@ -78,7 +78,7 @@ pub fn model(text: &str) -> Result<(String, PathBuf), String> {
 }
 
 /// Parser of a duration.
-pub fn span(text: &str) -> Result<Rational, String> {
+pub fn parse_duration(text: &str) -> Result<Rational, String> {
     let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
     if !time.is_positive() {
         return Err(format!("{time} is not above zero; write a time such as 5s"));
@@ -87,16 +87,16 @@ pub fn span(text: &str) -> Result<Rational, String> {
 }
 
 /// Beyond these limits a run would stand still, or its clock would have no effect.
-const PACES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+const PACE_RANGE: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 
 /// Parser of a multiple of the wall clock's pace.
-fn pace(text: &str) -> Result<f64, String> {
+fn parse_pace(text: &str) -> Result<f64, String> {
     let factor: f64 = text.trim().parse().map_err(|_| format!("`{text}` is not a number"))?;
-    if !PACES.contains(&factor) {
+    if !PACE_RANGE.contains(&factor) {
         return Err(format!(
             "{factor} is not a pace; write a factor from {} to {}, such as 2",
-            PACES.start(),
-            PACES.end()
+            PACE_RANGE.start(),
+            PACE_RANGE.end()
         ));
     }
     Ok(factor)
@@ -115,7 +115,7 @@ impl CommonArgs {
         self.patience.map_or_else(default, Rational::seconds)
     }
 
-    /// The warning about `--patience` for a run in one process, where nothing can end a step that does not come back.
+    /// The warning about `--patience` for a run in one process, where nothing can end a step that does not return.
     pub fn patience_in_process(&self) -> Option<String> {
         let patience = self.patience?;
         Some(format!(
@@ -124,11 +124,11 @@ impl CommonArgs {
         ))
     }
 
-    /// Refuses to replace the run in `source`, from which this run is made.
+    /// Checks that `--out --force` does not replace the run in `source`, from which this run is made.
     ///
     /// # Errors
     /// Names the folder and the remedy.
-    pub fn spares(&self, source: &Path) -> Result<(), String> {
+    pub fn check_does_not_replace(&self, source: &Path) -> Result<(), String> {
         let real = |path: &Path| std::fs::canonicalize(path).ok();
         let out = self.out.as_deref().filter(|_| self.force).and_then(real);
         match (out, real(source)) {
@@ -156,7 +156,7 @@ impl ScenarioArgs {
 
 /// How to run a scenario, whatever it is.
 #[derive(Debug, Args)]
-pub struct HowArgs {
+pub struct ExecutionArgs {
     /// Run all participants in this process, in one loop: the tape is bit-identical
     #[arg(long)]
     pub in_process: bool,
@@ -164,16 +164,16 @@ pub struct HowArgs {
     #[command(flatten)]
     pub common: CommonArgs,
     /// Pace the run by the wall clock, or by a multiple of it: 2 is twice as fast
-    #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", require_equals = true, value_parser = pace)]
+    #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", require_equals = true, value_parser = parse_pace)]
     pub real_time: Option<f64>,
     /// With --real-time: what happens when a step is complete only after the next one was due: it is counted and reported, or the run stops
-    #[arg(long, value_name = "WHAT", default_value = "report", value_parser = overrun(), requires = "real_time")]
+    #[arg(long, value_name = "WHAT", default_value = "report", value_parser = overrun_parser(), requires = "real_time")]
     pub overrun: Overrun,
     /// Write a timeline of every participant (steps, waits, cores) as a trace for Perfetto, with at most a million spans
     #[arg(long, value_name = "FILE")]
     pub trace: Option<PathBuf>,
     /// Pause at this simulated time and wait for Enter (may be given more than once)
-    #[arg(long, value_name = "TIME", value_parser = instant)]
+    #[arg(long, value_name = "TIME", value_parser = parse_instant)]
     pub pause_at: Vec<Rational>,
     /// Show the run on a page during the run, with pause, step and resume; the address is printed. Takes a port; without one, a
     /// free port is chosen
@@ -183,13 +183,13 @@ pub struct HowArgs {
     #[arg(long)]
     pub live_stay: bool,
     /// Save the state of the run at this interval of simulated time, for `resume`
-    #[arg(long, value_name = "TIME", value_parser = span)]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub checkpoint_every: Option<Rational>,
     /// Save the state of the run at this simulated time, for `resume` (may be given more than once)
-    #[arg(long, value_name = "TIME", value_parser = instant)]
+    #[arg(long, value_name = "TIME", value_parser = parse_instant)]
     pub checkpoint_at: Vec<Rational>,
     /// How participants wait for each other; the result does not depend on it. Spinning is granted only if each has a core of its own
-    #[arg(long, default_value = "auto", value_parser = wait())]
+    #[arg(long, default_value = "auto", value_parser = wait_parser())]
     pub wait: Wait,
     /// Leave the choice of cores to the operating system
     #[arg(long)]
@@ -214,15 +214,15 @@ pub struct CommonArgs {
     /// End the run when no participant has made progress for this long, wall-clock time (60 s by default); the time during which the
     /// orchestrator itself was suspended does not count. No effect in one process, where a step that does not return cannot be ended, and
     /// while a replay waits for a debugger
-    #[arg(long, value_name = "TIME", value_parser = span)]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub patience: Option<Rational>,
     /// How long each program may take to enter the run and to answer a request, instead of the value in the scenario (by
     /// default 20 s)
-    #[arg(long, value_name = "TIME", value_parser = span)]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub start_within: Option<Rational>,
 }
 
-impl HowArgs {
+impl ExecutionArgs {
     /// Checks that the trace is not written over a recorded run.
     ///
     /// # Errors

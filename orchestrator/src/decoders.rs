@@ -87,7 +87,7 @@ pub fn fmu(bytes: &[u8]) {
 pub fn description(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match fmu::Description::read(text) {
-        Ok(description) => fmu::look(&description),
+        Ok(description) => fmu::check_description(&description),
         Err(error) => assert!(error.to_string().contains("modelDescription.xml")),
     }
 }
@@ -100,7 +100,7 @@ pub fn ssp(bytes: &[u8]) {
         "a.fmu".to_owned(),
         include_bytes!("../../fuzz/corpus/fmu/pair.fmu").to_vec(),
     )]);
-    let parts = parts(bytes).into_iter().map(<[u8]>::to_vec);
+    let parts = split_files(bytes).into_iter().map(<[u8]>::to_vec);
     files.extend(NAMES.map(str::to_owned).into_iter().zip(parts));
     let package = ssp::Package::Files(files);
     match ssp::import_package(Path::new("fuzzed.ssp"), &package, ssp::Options::default()) {
@@ -113,13 +113,13 @@ pub fn ssp(bytes: &[u8]) {
 }
 
 /// Files in one input, separated by lines of three dashes.
-fn parts(bytes: &[u8]) -> Vec<&[u8]> {
-    const BETWEEN: &[u8] = b"\n---\n";
+fn split_files(bytes: &[u8]) -> Vec<&[u8]> {
+    const SEPARATOR: &[u8] = b"\n---\n";
     let mut parts = Vec::new();
     let mut rest = bytes;
-    while let Some(at) = rest.windows(BETWEEN.len()).position(|part| part == BETWEEN) {
+    while let Some(at) = rest.windows(SEPARATOR.len()).position(|part| part == SEPARATOR) {
         parts.push(&rest[..at]);
-        rest = &rest[at + BETWEEN.len()..];
+        rest = &rest[at + SEPARATOR.len()..];
     }
     parts.push(rest);
     parts
@@ -208,7 +208,7 @@ pub fn checkpoint(bytes: &[u8]) {
 /// A tape: index, a stream called `a.b`, and events, separated by lines of three dashes.
 pub fn tape(bytes: &[u8]) {
     let folder = std::env::temp_dir().join(format!("escapement-tape-{}", std::process::id()));
-    let parts = parts(bytes);
+    let parts = split_files(bytes);
     let write = || -> std::io::Result<()> {
         std::fs::create_dir_all(&folder)?;
         for (number, name) in ["index.json", "a.b.bin", "events.jsonl", "seal.json"]
@@ -279,7 +279,7 @@ pub fn units(bytes: &[u8]) {
         assert!(numbers.iter().all(|number| number.is_finite()));
     }
     let table = Table::from_iter([("value".to_owned(), Value::String(text.to_owned()))]);
-    let _ = units::read::<Every>(&table);
+    let _ = units::read::<AnyQuantity>(&table);
     if let Ok(time) = text.parse::<Rational>() {
         assert_eq!(time.to_string().parse(), Ok(time), "{text}");
     }
@@ -290,7 +290,7 @@ pub fn units(bytes: &[u8]) {
 #[derive(serde::Deserialize)]
 #[serde(untagged)]
 #[allow(dead_code, reason = "only the reading of it matters")]
-enum Every {
+enum AnyQuantity {
     Angle(units::Quantity<units::Angle>),
     Speed(units::Vector<units::Speed, 3>),
     Torque(units::PerAxis<units::Torque, 7>),
@@ -329,7 +329,7 @@ mod tests {
     /// The decoders also survive random changes of the corpus. `ESCAPEMENT_MUTATIONS` is the number of changed versions of
     /// each input.
     #[test]
-    fn what_is_nearly_the_corpus_is_survived() {
+    fn decoders_return_for_mutated_corpus() {
         let rounds = std::env::var("ESCAPEMENT_MUTATIONS").ok();
         let rounds: u64 = rounds.and_then(|rounds| rounds.parse().ok()).unwrap_or(60);
         for (name, decode) in ALL {
@@ -359,7 +359,7 @@ mod tests {
 
     /// All inputs of the corpus, including crashes that were found.
     #[test]
-    fn the_corpus_is_survived() {
+    fn decoders_return_for_corpus() {
         for (name, decode) in ALL {
             let folder = root().join("fuzz/corpus").join(name);
             let entries = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));

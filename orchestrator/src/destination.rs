@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_recorded_is_refused_and_all_else_is_not() {
+    fn destination_inside_recorded_run_is_refused() {
         let root = runs("parts");
         std::os::unix::fs::symlink(root.join("run/plan.toml"), root.join("link")).unwrap();
         for part in [
@@ -121,10 +121,10 @@ mod tests {
             "bare/a.x.bin",
             "link",
         ] {
-            let said = check("--out", &root.join(part)).unwrap_err().to_string();
+            let error = check("--out", &root.join(part)).unwrap_err().to_string();
             assert!(
-                said.starts_with("--out ") && said.contains("never written over"),
-                "{part}: {said}"
+                error.starts_with("--out ") && error.contains("never written over"),
+                "{part}: {error}"
             );
         }
         for free in [
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_stays_and_a_folder_is_not_replaced() {
+    fn write_keeps_link_and_does_not_replace_folder() {
         let root = runs("links");
         let (page, link) = (root.join("page"), root.join("link"));
         std::fs::write(&page, "old").unwrap();

@@ -8,22 +8,22 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Minimum interval between two redraws.
-const MOVES: Duration = Duration::from_millis(100);
+const REDRAW_INTERVAL: Duration = Duration::from_millis(100);
 /// Interval of the lines where nothing can be redrawn. Work that ends sooner prints none.
-const WRITTEN: Duration = Duration::from_secs(10);
+const LOG_INTERVAL: Duration = Duration::from_secs(10);
 
 /// The display mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum How {
-    Moving,
-    Written,
-    Never,
+enum DisplayMode {
+    Redrawn,
+    Logged,
+    Off,
 }
 
 /// A progress line.
 #[derive(Debug)]
 pub struct Line {
-    how: How,
+    mode: DisplayMode,
     last: Option<Instant>,
     /// The number of columns on the screen.
     drawn: usize,
@@ -32,25 +32,25 @@ pub struct Line {
 impl Line {
     /// A line that has not been drawn yet; with `quiet` it is never drawn.
     pub fn new(quiet: bool) -> Line {
-        let how = match (quiet, stderr().is_terminal()) {
-            (true, _) => How::Never,
-            (false, true) => How::Moving,
-            (false, false) => How::Written,
+        let mode = match (quiet, stderr().is_terminal()) {
+            (true, _) => DisplayMode::Off,
+            (false, true) => DisplayMode::Redrawn,
+            (false, false) => DisplayMode::Logged,
         };
-        Line::shown(how, Instant::now())
+        Line::with_mode(mode, Instant::now())
     }
 
-    fn shown(how: How, now: Instant) -> Line {
-        let last = (how == How::Written).then_some(now);
-        Line { how, last, drawn: 0 }
+    fn with_mode(mode: DisplayMode, now: Instant) -> Line {
+        let last = (mode == DisplayMode::Logged).then_some(now);
+        Line { mode, last, drawn: 0 }
     }
 
     /// Whether an update is due at `now`; if so, it counts as made.
-    fn due(&mut self, now: Instant) -> bool {
-        let every = match self.how {
-            How::Moving => MOVES,
-            How::Written => WRITTEN,
-            How::Never => return false,
+    fn is_due(&mut self, now: Instant) -> bool {
+        let every = match self.mode {
+            DisplayMode::Redrawn => REDRAW_INTERVAL,
+            DisplayMode::Logged => LOG_INTERVAL,
+            DisplayMode::Off => return false,
         };
         let due = self
             .last
@@ -63,13 +63,13 @@ impl Line {
 
     /// Shows `text`, if an update is due.
     pub fn show(&mut self, text: impl FnOnce() -> String) {
-        if !self.due(Instant::now()) {
+        if !self.is_due(Instant::now()) {
             return;
         }
-        match self.how {
-            How::Moving => self.draw(&text()),
-            How::Written => eprintln!("{}", text()),
-            How::Never => {}
+        match self.mode {
+            DisplayMode::Redrawn => self.draw(&text()),
+            DisplayMode::Logged => eprintln!("{}", text()),
+            DisplayMode::Off => {}
         }
     }
 
@@ -89,7 +89,7 @@ impl Line {
     }
 
     fn draw(&mut self, text: &str) {
-        let drawn = self.drawing(text, columns());
+        let drawn = self.redraw_text(text, columns());
         eprint!("\r{drawn}");
         let _ = stderr().flush();
     }
@@ -97,11 +97,11 @@ impl Line {
     /// The characters that replace the line on the screen by `text`, in a terminal with `columns`. Text that does not fit
     /// into a row is cut off: the terminal would wrap it into the next row, from which a carriage return does not come
     /// back. The last column stays empty, because some terminals wrap as soon as it is filled.
-    fn drawing(&mut self, text: &str, columns: Option<usize>) -> String {
+    fn redraw_text(&mut self, text: &str, columns: Option<usize>) -> String {
         let room = columns.map_or(usize::MAX, |columns| columns.saturating_sub(1));
         let (mut drawing, mut count) = (String::with_capacity(text.len()), 0);
         for one in text.chars() {
-            let shown = shown(one);
+            let shown = printable(one);
             let width: usize = shown.chars().map(width).sum();
             if count + width > room {
                 break;
@@ -125,7 +125,7 @@ fn columns() -> Option<usize> {
 }
 
 /// The displayed form of a character: control characters, which file names may contain, as their numbers.
-fn shown(one: char) -> String {
+fn printable(one: char) -> String {
     match one.is_control() {
         true => one.escape_unicode().to_string(),
         false => one.to_string(),
@@ -133,7 +133,7 @@ fn shown(one: char) -> String {
 }
 
 /// Zero-width characters: combining marks, joiners, variants.
-const NARROW: [(u32, u32); 7] = [
+const ZERO_WIDTH: [(u32, u32); 7] = [
     (0x300, 0x36f),
     (0x483, 0x489),
     (0x591, 0x5bd),
@@ -143,7 +143,7 @@ const NARROW: [(u32, u32); 7] = [
     (0xfe00, 0xfe0f),
 ];
 /// Double-width characters: East Asian scripts, and emoji.
-const WIDE: [(u32, u32); 11] = [
+const DOUBLE_WIDTH: [(u32, u32); 11] = [
     (0x1100, 0x115f),
     (0x2e80, 0x303e),
     (0x3041, 0x4dbf),
@@ -160,7 +160,7 @@ const WIDE: [(u32, u32); 11] = [
 /// The number of columns of a character.
 fn width(one: char) -> usize {
     let among = |ranges: &[(u32, u32)]| ranges.iter().any(|&(from, to)| (from..=to).contains(&u32::from(one)));
-    match (among(&NARROW), among(&WIDE)) {
+    match (among(&ZERO_WIDTH), among(&DOUBLE_WIDTH)) {
         (true, _) => 0,
         (false, true) => 2,
         (false, false) => 1,
@@ -168,7 +168,7 @@ fn width(one: char) -> usize {
 }
 
 /// The remaining time of `seconds`, rounded as suits an estimate.
-pub fn left(seconds: f64) -> String {
+pub fn remaining_time(seconds: f64) -> String {
     if !seconds.is_finite() {
         return String::new();
     }
@@ -191,24 +191,24 @@ pub fn percent(done: f64, all: f64) -> f64 {
 
 /// Work that reports no progress itself. As long as this value lives, the line shows its name and elapsed time.
 pub struct Busy {
-    over: Arc<(Mutex<bool>, Condvar)>,
+    finished: Arc<(Mutex<bool>, Condvar)>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Busy {
     /// Work called `what`; `bytes` is the number of bytes it reads from files, where known.
     pub fn with(what: String, bytes: Option<u64>) -> Busy {
-        let over = Arc::new((Mutex::new(false), Condvar::new()));
-        let seen = over.clone();
-        let (started, begun) = (Instant::now(), read_so_far());
+        let finished = Arc::new((Mutex::new(false), Condvar::new()));
+        let shared = finished.clone();
+        let (started, read_before) = (Instant::now(), read_so_far());
         let say = move || {
             let wall = started.elapsed().as_secs_f64();
             let read = read_so_far()
-                .zip(begun)
-                .map(|(now, begun)| now.saturating_sub(begun) as f64);
+                .zip(read_before)
+                .map(|(now, read_before)| now.saturating_sub(read_before) as f64);
             match (bytes.map(|bytes| bytes as f64), read) {
                 (Some(all), Some(read)) if read > 0.0 => {
-                    let rest = left((all - read).max(0.0) * wall / read);
+                    let rest = remaining_time((all - read).max(0.0) * wall / read);
                     let (read_mb, all_mb) = (read.min(all) / 1e6, all / 1e6);
                     format!(
                         "{what}: {read_mb:.0} of {all_mb:.0} MB read ({:.0} %){rest}",
@@ -220,21 +220,21 @@ impl Busy {
         };
         let thread = std::thread::spawn(move || {
             let mut line = Line::new(false);
-            let mut over = seen.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut finished = shared.0.lock().unwrap_or_else(PoisonError::into_inner);
             // Short work shows no line.
             let mut wait = Duration::from_secs(1);
-            while !*over {
-                over =
-                    (seen.1.wait_timeout(over, wait)).map_or_else(|poisoned| poisoned.into_inner().0, |woken| woken.0);
-                if !*over {
+            while !*finished {
+                finished = (shared.1.wait_timeout(finished, wait))
+                    .map_or_else(|poisoned| poisoned.into_inner().0, |woken| woken.0);
+                if !*finished {
                     line.show(&say);
                 }
-                wait = MOVES;
+                wait = REDRAW_INTERVAL;
             }
             line.clear();
         });
         Busy {
-            over,
+            finished,
             thread: Some(thread),
         }
     }
@@ -250,8 +250,8 @@ impl Busy {
 
 impl Drop for Busy {
     fn drop(&mut self) {
-        *self.over.0.lock().unwrap_or_else(PoisonError::into_inner) = true;
-        self.over.1.notify_all();
+        *self.finished.0.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.finished.1.notify_all();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -276,50 +276,50 @@ mod tests {
     use super::*;
 
     #[test]
-    fn without_a_terminal_a_line_is_due_every_ten_seconds() {
+    fn progress_without_terminal_is_due_every_ten_seconds() {
         let start = Instant::now();
-        let mut line = Line::shown(How::Written, start);
+        let mut line = Line::with_mode(DisplayMode::Logged, start);
         let due: Vec<u64> = (0..42_000)
             .step_by(7)
-            .filter(|ms| line.due(start + Duration::from_millis(*ms)))
+            .filter(|ms| line.is_due(start + Duration::from_millis(*ms)))
             .collect();
         assert_eq!(due, [10_003, 20_006, 30_009, 40_012]);
     }
 
     #[test]
-    fn in_a_terminal_it_moves_at_once_and_quiet_it_never_does() {
+    fn progress_in_terminal_is_due_at_once_and_never_if_quiet() {
         let start = Instant::now();
-        let count = |how: How| {
-            let mut line = Line::shown(how, start);
+        let count = |mode: DisplayMode| {
+            let mut line = Line::with_mode(mode, start);
             (0..1000)
-                .filter(|ms| line.due(start + Duration::from_millis(*ms)))
+                .filter(|ms| line.is_due(start + Duration::from_millis(*ms)))
                 .count()
         };
-        assert_eq!((count(How::Moving), count(How::Never)), (10, 0));
+        assert_eq!((count(DisplayMode::Redrawn), count(DisplayMode::Off)), (10, 0));
     }
 
     #[test]
-    fn a_moving_line_stays_in_its_row() {
-        let mut line = Line::shown(How::Moving, Instant::now());
+    fn progress_line_is_cut_to_terminal_width() {
+        let mut line = Line::with_mode(DisplayMode::Redrawn, Instant::now());
         let all = "t = 12.250 s of 35 s (35 %)";
-        assert_eq!(line.drawing(all, None), all);
-        assert_eq!(line.drawing("t = 1", Some(80)), format!("t = 1{:22}", ""));
-        assert_eq!(line.drawing(all, Some(20)), &all[..19]);
+        assert_eq!(line.redraw_text(all, None), all);
+        assert_eq!(line.redraw_text("t = 1", Some(80)), format!("t = 1{:22}", ""));
+        assert_eq!(line.redraw_text(all, Some(20)), &all[..19]);
         // The window has become narrower: the new text fits into it.
-        assert_eq!(line.drawing("t", Some(10)), format!("t{:8}", ""));
-        assert_eq!(line.drawing("t", Some(1)), "");
+        assert_eq!(line.redraw_text("t", Some(10)), format!("t{:8}", ""));
+        assert_eq!(line.redraw_text("t", Some(1)), "");
         // Double-width characters, an incomplete one, and zero-width marks.
-        assert_eq!(line.drawing("試験/run", Some(6)), "試験/");
-        assert_eq!(line.drawing("試験", Some(4)), "試 ");
-        assert_eq!(line.drawing("e\u{301}e\u{301}e", Some(3)), "e\u{301}e\u{301}");
+        assert_eq!(line.redraw_text("試験/run", Some(6)), "試験/");
+        assert_eq!(line.redraw_text("試験", Some(4)), "試 ");
+        assert_eq!(line.redraw_text("e\u{301}e\u{301}e", Some(3)), "e\u{301}e\u{301}");
         // A file name may contain any character.
-        assert_eq!(line.drawing("a\nb", Some(80)), "a\\u{a}b");
+        assert_eq!(line.redraw_text("a\nb", Some(80)), "a\\u{a}b");
     }
 
     #[test]
-    fn an_estimate_is_rounded_as_it_deserves() {
-        let said: Vec<String> = [0.2, 119.4, 150.0, 8000.0, f64::INFINITY].map(left).into();
-        assert_eq!(said, [", 0 s left", ", 119 s left", ", 3 min left", ", 2 h left", ""]);
+    fn remaining_time_is_rounded() {
+        let texts: Vec<String> = [0.2, 119.4, 150.0, 8000.0, f64::INFINITY].map(remaining_time).into();
+        assert_eq!(texts, [", 0 s left", ", 119 s left", ", 3 min left", ", 2 h left", ""]);
         assert_eq!(
             (percent(199.0, 200.0), percent(200.0, 200.0), percent(0.0, 0.0)),
             (99.0, 100.0, 100.0)

@@ -3,13 +3,13 @@
 //! its siblings would panic there, in the middle of a run; the macros of the same names below replace them in this crate.
 //!
 //! If standard output cannot be written for another reason (a full disk behind a redirection), the work continues to its
-//! end as well, and then the program reports the error and fails ([`unwritten`]).
+//! end as well, and then the program reports the error and fails ([`stdout_error`]).
 //!
 //! Messages contain text from other programs: reasons, last lines of logs, names. The engine sanitises it where it enters a
-//! message, and [`Heard`] replaces the control characters in all output of this program.
+//! message, and [`GuardedStream`] replaces the control characters in all output of this program.
 //!
 //! Foreign code in this process, an FMU or a plug-in, may print to standard output as well. Where that would spoil what this program
-//! says there ([`keep_apart`]), the program keeps standard output for itself, and all other code has standard error in its place.
+//! writes there ([`separate_stdout`]), the program keeps standard output for itself, and all other code has standard error in its place.
 //!
 //! SIGPIPE stays ignored, as set by the standard library, so that a write to a dead participant is an error to be handled;
 //! child processes get the default back, as every program expects.
@@ -22,10 +22,10 @@ use std::os::fd::AsFd;
 use std::sync::OnceLock;
 
 /// The first error of writing to standard output.
-static UNWRITTEN: OnceLock<String> = OnceLock::new();
+static STDOUT_ERROR: OnceLock<String> = OnceLock::new();
 
 /// Standard output, once other code of this process no longer has it.
-static APART: OnceLock<File> = OnceLock::new();
+static SEPARATE_STDOUT: OnceLock<File> = OnceLock::new();
 
 macro_rules! println {
     ($($text:tt)*) => { $crate::output::line(&mut $crate::output::stdout(), format_args!($($text)*)) };
@@ -43,22 +43,22 @@ macro_rules! eprint {
     ($($text:tt)*) => { $crate::output::text(&mut $crate::output::stderr(), format_args!($($text)*)) };
 }
 
-/// A line of a page that is written in one piece: `println!` makes a system call for each.
+/// Prints a line to a buffered output; `println!` makes a system call for each line.
 macro_rules! say {
     ($out:expr, $($text:tt)*) => { $crate::output::line($out, format_args!($($text)*)) };
 }
 
 /// An output stream whose reader may be gone. Control characters are replaced by their numbers, except line feed, tab and
 /// carriage return.
-pub struct Heard<W> {
+pub struct GuardedStream<W> {
     to: W,
     /// Records the first write error.
-    unwritten: Option<&'static OnceLock<String>>,
+    first_error: Option<&'static OnceLock<String>>,
 }
 
 /// `bytes` with control characters replaced by their numbers.
-fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
-    let steers = |at: usize| {
+fn escape_control_bytes(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let is_control = |at: usize| {
         let before = at.checked_sub(1).map(|before| bytes[before]);
         match bytes[at] {
             b'\n' | b'\t' | b'\r' => false,
@@ -68,12 +68,12 @@ fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
             _ => false,
         }
     };
-    if !(0..bytes.len()).any(steers) {
+    if !(0..bytes.len()).any(is_control) {
         return Cow::Borrowed(bytes);
     }
     let mut shown = Vec::with_capacity(bytes.len() + 16);
     for (at, &byte) in bytes.iter().enumerate() {
-        if !steers(at) {
+        if !is_control(at) {
             shown.push(byte);
             continue;
         }
@@ -85,13 +85,13 @@ fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
     Cow::Owned(shown)
 }
 
-impl<W: Write> Heard<W> {
-    fn unless_gone<T>(&self, result: io::Result<T>, otherwise: T) -> io::Result<T> {
+impl<W: Write> GuardedStream<W> {
+    fn ignore_broken_pipe<T>(&self, result: io::Result<T>, otherwise: T) -> io::Result<T> {
         match result {
             Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(otherwise),
             Err(error) => {
-                if let Some(unwritten) = self.unwritten {
-                    unwritten.get_or_init(|| error.to_string());
+                if let Some(first_error) = self.first_error {
+                    first_error.get_or_init(|| error.to_string());
                 }
                 Err(error)
             }
@@ -100,46 +100,46 @@ impl<W: Write> Heard<W> {
     }
 }
 
-impl<W: Write> Write for Heard<W> {
+impl<W: Write> Write for GuardedStream<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.to.write_all(&plain(bytes)).map(|()| bytes.len());
-        self.unless_gone(written, bytes.len())
+        let written = self.to.write_all(&escape_control_bytes(bytes)).map(|()| bytes.len());
+        self.ignore_broken_pipe(written, bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
         let flushed = self.to.flush();
-        self.unless_gone(flushed, ())
+        self.ignore_broken_pipe(flushed, ())
     }
 }
 
 /// Standard output of this program.
-pub enum Own {
+pub enum StdoutHandle {
     /// The one of the process.
     Shared(StdoutLock<'static>),
-    /// The program's alone.
-    Apart(&'static File),
+    /// Reserved for the program.
+    Separate(&'static File),
 }
 
-impl Write for Own {
+impl Write for StdoutHandle {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self {
-            Own::Shared(to) => to.write(bytes),
-            Own::Apart(to) => to.write(bytes),
+            StdoutHandle::Shared(to) => to.write(bytes),
+            StdoutHandle::Separate(to) => to.write(bytes),
         }
     }
 
     fn flush(&mut self) -> io::Result<()> {
         match self {
-            Own::Shared(to) => to.flush(),
-            Own::Apart(to) => to.flush(),
+            StdoutHandle::Shared(to) => to.flush(),
+            StdoutHandle::Separate(to) => to.flush(),
         }
     }
 }
 
-/// From now on, until the process ends, standard output is this program's alone: what foreign code in this process prints goes to
-/// standard error. It is never given back, because the C library writes what it has buffered at the very end.
-pub fn keep_apart() {
-    if APART.get().is_some() {
+/// Reserves standard output for this program until the process ends: the output of foreign code in this process goes to standard
+/// error. The redirection is never undone, because the C library flushes its buffers only when the process exits.
+pub fn separate_stdout() {
+    if SEPARATE_STDOUT.get().is_some() {
         return;
     }
     let _ = io::stdout().flush();
@@ -147,43 +147,43 @@ pub fn keep_apart() {
     if let Ok(own) = io::stdout().as_fd().try_clone_to_owned()
         && rustix::stdio::dup2_stdout(io::stderr().as_fd()).is_ok()
     {
-        let _ = APART.set(own.into());
+        let _ = SEPARATE_STDOUT.set(own.into());
     }
 }
 
 /// Standard output as it is: a reader that is gone is an error.
-pub fn own() -> Own {
-    match APART.get() {
-        Some(own) => Own::Apart(own),
-        None => Own::Shared(io::stdout().lock()),
+pub fn raw_stdout() -> StdoutHandle {
+    match SEPARATE_STDOUT.get() {
+        Some(own) => StdoutHandle::Separate(own),
+        None => StdoutHandle::Shared(io::stdout().lock()),
     }
 }
 
 /// Standard output.
-pub fn stdout() -> Heard<Own> {
-    Heard {
-        to: own(),
-        unwritten: Some(&UNWRITTEN),
+pub fn stdout() -> GuardedStream<StdoutHandle> {
+    GuardedStream {
+        to: raw_stdout(),
+        first_error: Some(&STDOUT_ERROR),
     }
 }
 
 /// The error that kept standard output from being written completely, if any.
-pub fn unwritten() -> Option<&'static str> {
+pub fn stdout_error() -> Option<&'static str> {
     // Data may still be in the line buffer.
     let _ = stdout().flush();
-    UNWRITTEN.get().map(String::as_str)
+    STDOUT_ERROR.get().map(String::as_str)
 }
 
 /// Buffered standard output for a page of many lines, which is written when it is dropped or the buffer is full.
-pub fn page() -> BufWriter<impl Write> {
+pub fn buffered_stdout() -> BufWriter<impl Write> {
     BufWriter::with_capacity(1 << 16, stdout())
 }
 
 /// Standard error.
-pub fn stderr() -> Heard<StderrLock<'static>> {
-    Heard {
+pub fn stderr() -> GuardedStream<StderrLock<'static>> {
+    GuardedStream {
         to: io::stderr().lock(),
-        unwritten: None,
+        first_error: None,
     }
 }
 
@@ -192,9 +192,9 @@ pub fn line(out: &mut impl Write, text: Arguments<'_>) {
     let _ = out.write_fmt(text).and_then(|()| out.write_all(b"\n"));
 }
 
-/// Prints `said` without a newline.
-pub fn text(out: &mut impl Write, said: Arguments<'_>) {
-    let _ = out.write_fmt(said);
+/// Prints `text` without a newline.
+pub fn text(out: &mut impl Write, text: Arguments<'_>) {
+    let _ = out.write_fmt(text);
 }
 
 #[cfg(test)]
@@ -202,13 +202,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn heard_replaces_control_bytes() {
+    fn output_replaces_control_bytes() {
         let mut out = Vec::new();
-        let mut heard = Heard {
+        let mut stream = GuardedStream {
             to: &mut out,
-            unwritten: None,
+            first_error: None,
         };
-        heard
+        stream
             .write_all("\rt = 1 s\n\tä\u{1b}[31m\0\u{7f}\u{9b}31m".as_bytes())
             .unwrap();
         assert_eq!(
@@ -218,9 +218,9 @@ mod tests {
     }
 
     /// A stream that cannot be written, with the given error.
-    struct Refuses(ErrorKind);
+    struct FailingStream(ErrorKind);
 
-    impl Write for Refuses {
+    impl Write for FailingStream {
         fn write(&mut self, _: &[u8]) -> io::Result<usize> {
             Err(self.0.into())
         }
@@ -231,15 +231,15 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_that_has_left_has_heard_enough_and_a_full_disk_has_not() {
+    fn output_ignores_closed_pipe_and_reports_full_disk() {
         static LEFT: OnceLock<String> = OnceLock::new();
         static FULL: OnceLock<String> = OnceLock::new();
-        for (kind, noted) in [(ErrorKind::BrokenPipe, &LEFT), (ErrorKind::StorageFull, &FULL)] {
-            let mut heard = Heard {
-                to: Refuses(kind),
-                unwritten: Some(noted),
+        for (kind, first_error) in [(ErrorKind::BrokenPipe, &LEFT), (ErrorKind::StorageFull, &FULL)] {
+            let mut stream = GuardedStream {
+                to: FailingStream(kind),
+                first_error: Some(first_error),
             };
-            line(&mut heard, format_args!("text"));
+            line(&mut stream, format_args!("text"));
         }
         assert!(LEFT.get().is_none() && FULL.get().is_some(), "{LEFT:?} {FULL:?}");
     }

@@ -112,7 +112,7 @@ impl Program {
         let matches = line.clone().try_get_matches();
         let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
             Ok(cli) => cli,
-            Err(answer) => return answered(&answer),
+            Err(answer) => return print_clap_answer(&answer),
         };
         let catalogue = self.catalogue.with_version(version);
         catalogue::set(bench::register(catalogue));
@@ -158,43 +158,45 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         Command::Import(args) => Ok(commands::import::run(args)),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::CampaignWorker => {
-            // Its answers are for the program that has started it.
-            output::keep_apart();
+            // The worker's replies are for the program that started it.
+            output::separate_stdout();
             let tasks = std::io::BufReader::new(std::io::stdin());
-            engine::campaign::serve(catalogue::catalogue(), tasks, output::own())
+            engine::campaign::serve(catalogue::catalogue(), tasks, output::raw_stdout())
                 .map(|()| 0)
                 .map_err(Into::into)
         }
         Command::Participant(_) => Ok(0),
     };
-    let unwritten = output::unwritten();
+    let stdout_error = output::stdout_error();
     let code = match result {
         Ok(code) => code,
         Err(error) => {
-            let words = refusal::words(&error);
+            let words = refusal::error_text(&error);
             // An error of the output is reported below.
-            if unwritten != Some(words.as_str()) {
+            if stdout_error != Some(words.as_str()) {
                 eprintln!("error: {words}");
             }
             refusal::exit_code(&error)
         }
     };
-    match unwritten {
-        Some(reason) => unheard(reason),
+    match stdout_error {
+        Some(reason) => report_incomplete_output(reason),
         None => ExitCode::from(code as u8),
     }
 }
 
-/// Prints clap's answer: help, the version, or a mistake in the command line.
-fn answered(answer: &clap::Error) -> ExitCode {
+/// Prints the message of clap: help, the version, or a mistake in the command line.
+fn print_clap_answer(answer: &clap::Error) -> ExitCode {
     match answer.print().and_then(|()| stdout().flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe && !answer.use_stderr() => unheard(&error.to_string()),
+        Err(error) if error.kind() != ErrorKind::BrokenPipe && !answer.use_stderr() => {
+            report_incomplete_output(&error.to_string())
+        }
         _ => ExitCode::from(answer.exit_code() as u8),
     }
 }
 
 /// Reports that the output is incomplete, whatever the result.
-fn unheard(reason: &str) -> ExitCode {
+fn report_incomplete_output(reason: &str) -> ExitCode {
     eprintln!("error: standard output cannot be written: {reason}");
     ExitCode::from(1)
 }

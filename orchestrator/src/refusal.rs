@@ -12,7 +12,7 @@ pub struct Refusal(String);
 impl Refusal {
     /// A refusal with the text of `error`.
     pub fn of(error: impl Into<anyhow::Error>) -> Refusal {
-        Refusal(words(&error.into()))
+        Refusal(error_text(&error.into()))
     }
 }
 
@@ -25,7 +25,7 @@ impl fmt::Display for Refusal {
 impl std::error::Error for Refusal {}
 
 /// An error with its causes. A cause whose text is already part of the error's text is not repeated.
-pub fn words(error: &anyhow::Error) -> String {
+pub fn error_text(error: &anyhow::Error) -> String {
     let mut words = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
         if !words.contains(&cause) {
@@ -52,20 +52,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cause_is_told_once() {
+    fn error_text_names_repeated_cause_once() {
         let error = || io::Error::other("the disk is full");
-        let told = |error: anyhow::Error| words(&error);
-        assert_eq!(told(error().into()), "the disk is full");
+        let text_of = |error: anyhow::Error| error_text(&error);
+        assert_eq!(text_of(error().into()), "the disk is full");
         let wrapped = Err::<(), _>(error()).context("x.toml").unwrap_err();
-        assert_eq!(told(wrapped), "x.toml: the disk is full");
-        let tells = Err::<(), _>(error())
+        assert_eq!(text_of(wrapped), "x.toml: the disk is full");
+        let wrapped_again = Err::<(), _>(error())
             .context("x.toml: the disk is full; name another")
             .unwrap_err();
-        assert_eq!(told(tells), "x.toml: the disk is full; name another");
+        assert_eq!(text_of(wrapped_again), "x.toml: the disk is full; name another");
     }
 
     #[test]
-    fn what_the_user_must_change_has_its_exit_code() {
+    fn user_mistake_exits_with_code_two() {
         assert_eq!(exit_code(&anyhow!("x")), 1);
         assert_eq!(exit_code(&Refusal::of(anyhow!("x")).into()), 2);
         assert_eq!(exit_code(&RunFailure::Interrupted.into()), 1);

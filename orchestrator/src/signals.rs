@@ -7,15 +7,15 @@ use std::time::{Duration, Instant};
 use engine::{Interrupt, Progress};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-/// How long a run in one process has to notice the request before the user is told what it waits for.
-const NOTICED_WITHIN: Duration = Duration::from_secs(1);
-/// The pause between two looks at the request.
-const LOOK: Duration = Duration::from_millis(50);
+/// Time that a run in one process has to notice the request before a notice states what the run waits for.
+const STALL_NOTICE_AFTER: Duration = Duration::from_secs(1);
+/// Interval of the checks for the request.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// One request for the whole program, so that a signal is seen by all parts of the program that check for it.
-static INSTALLED: OnceLock<Interrupt> = OnceLock::new();
-/// Whether a run has reported something since the request: its loop has come back, and checks for the request.
-static NOTICED: AtomicBool = AtomicBool::new(false);
+static REQUEST: OnceLock<Interrupt> = OnceLock::new();
+/// Whether a run has reported an event since the request: its loop continues, and checks for the request.
+static REQUEST_NOTICED: AtomicBool = AtomicBool::new(false);
 
 /// Installs handlers of SIGINT, SIGTERM and SIGHUP; returns the request that they set.
 pub fn interrupt() -> Interrupt {
@@ -29,41 +29,41 @@ pub fn interrupt() -> Interrupt {
         }
         interrupt
     };
-    INSTALLED.get_or_init(install).clone()
+    REQUEST.get_or_init(install).clone()
 }
 
-/// A run reports its time, or that it is over.
-pub fn run_goes_on() {
-    if INSTALLED.get().is_some_and(Interrupt::asked) {
-        NOTICED.store(true, Ordering::Relaxed);
+/// Records that a run has reported its time or its end.
+pub fn record_run_event() {
+    if REQUEST.get().is_some_and(Interrupt::asked) {
+        REQUEST_NOTICED.store(true, Ordering::Relaxed);
     }
 }
 
-/// Watches a run in one process until it is dropped: a step that does not come back also keeps the run from noticing a signal, which
-/// the user would take for one that was lost.
-pub struct Watch(Arc<AtomicBool>);
+/// Watches a run in one process until this value is dropped: a step that does not return also keeps the run from noticing a signal, and
+/// the signal would seem lost.
+pub struct StallWatch(Arc<AtomicBool>);
 
-impl Watch {
+impl StallWatch {
     /// Watches the run that reports to `progress`.
-    pub fn over(progress: &Progress) -> Watch {
-        let (over, progress, interrupt) = (Arc::new(AtomicBool::new(false)), progress.clone(), interrupt());
-        let watch = Watch(over.clone());
-        // Which participant is in its step is known to the thread that is in it alone.
+    pub fn start(progress: &Progress) -> StallWatch {
+        let (finished, progress, interrupt) = (Arc::new(AtomicBool::new(false)), progress.clone(), interrupt());
+        let watch = StallWatch(finished.clone());
+        // Only the thread that executes the step knows the participant.
         std::thread::spawn(move || {
             let mut since = None;
-            while !over.load(Ordering::Relaxed) && !NOTICED.load(Ordering::Relaxed) {
-                if interrupt.asked() && since.get_or_insert_with(Instant::now).elapsed() >= NOTICED_WITHIN {
+            while !finished.load(Ordering::Relaxed) && !REQUEST_NOTICED.load(Ordering::Relaxed) {
+                if interrupt.asked() && since.get_or_insert_with(Instant::now).elapsed() >= STALL_NOTICE_AFTER {
                     progress.say("waiting for a participant in its step; again to end at once");
                     return;
                 }
-                std::thread::sleep(LOOK);
+                std::thread::sleep(POLL_INTERVAL);
             }
         });
         watch
     }
 }
 
-impl Drop for Watch {
+impl Drop for StallWatch {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }

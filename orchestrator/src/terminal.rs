@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use engine::{Answer, Event, Observer, Progress};
 
-use crate::line::{Line, left, percent};
+use crate::line::{Line, percent, remaining_time};
 
 /// Reports on standard error: a progress line, and notices.
 struct Terminal {
@@ -17,36 +17,36 @@ struct Terminal {
     from_s: Option<f64>,
     duration_s: f64,
     /// The number of completed points of a campaign, since the first observation.
-    counted: Option<Counted>,
+    completed: Option<CompletedPoints>,
     /// Whether a pause is waiting for a line of input.
-    asks: bool,
-    /// What is to be said when the run has begun.
-    begun: Option<String>,
+    awaits_input: bool,
+    /// Notice that is printed when the run begins.
+    start_notice: Option<String>,
 }
 
 /// Completed points of a campaign, since the first observation.
 #[derive(Debug, Clone, Copy)]
-struct Counted {
+struct CompletedPoints {
     since: Instant,
     first: usize,
     last: usize,
 }
 
-impl Counted {
+impl CompletedPoints {
     /// Updates the count to `done` at `now`. A count below the previous one belongs to other work, such as runs that are
     /// kept: counting starts again.
-    fn with(before: Option<Counted>, done: usize, now: Instant) -> Counted {
-        let begun = Counted {
+    fn with(before: Option<CompletedPoints>, done: usize, now: Instant) -> CompletedPoints {
+        let restarted = CompletedPoints {
             since: now,
             first: done,
             last: done,
         };
-        let before = before.filter(|before| before.last <= done).unwrap_or(begun);
-        Counted { last: done, ..before }
+        let before = before.filter(|before| before.last <= done).unwrap_or(restarted);
+        CompletedPoints { last: done, ..before }
     }
 
     /// The number completed since then, and the number of seconds up to `now`.
-    fn own(&self, now: Instant) -> (usize, f64) {
+    fn since_start(&self, now: Instant) -> (usize, f64) {
         let wall = now.saturating_duration_since(self.since);
         (self.last - self.first, wall.as_secs_f64())
     }
@@ -57,16 +57,16 @@ pub fn progress(quiet: bool) -> Progress {
     progress_with(quiet, None)
 }
 
-/// The same, with the notice `begun` as soon as the run has been accepted and begins.
-pub fn progress_with(quiet: bool, begun: Option<String>) -> Progress {
+/// The same, with the notice `start_notice` as soon as the run has been accepted and begins.
+pub fn progress_with(quiet: bool, start_notice: Option<String>) -> Progress {
     Progress::new(Terminal {
         line: Line::new(quiet),
         started: Instant::now(),
         from_s: None,
         duration_s: 0.0,
-        counted: None,
-        asks: false,
-        begun,
+        completed: None,
+        awaits_input: false,
+        start_notice,
     })
 }
 
@@ -74,7 +74,7 @@ pub fn progress_with(quiet: bool, begun: Option<String>) -> Progress {
 fn run_line(t_s: f64, from_s: f64, duration_s: f64, wall_s: f64) -> String {
     let factor = (t_s - from_s).max(0.0) / wall_s.max(1e-3);
     let rest = if factor > 0.0 {
-        left((duration_s - t_s) / factor)
+        remaining_time((duration_s - t_s) / factor)
     } else {
         String::new()
     };
@@ -104,7 +104,7 @@ fn campaign_line(done: usize, all: usize, grows: bool, (own, wall_s): (usize, f6
             _ => format!(", {:.1} a second", 1.0 / each.max(1e-6)),
         };
         if !grows {
-            text += &left(all.saturating_sub(done) as f64 * each);
+            text += &remaining_time(all.saturating_sub(done) as f64 * each);
         }
     }
     text
@@ -116,12 +116,12 @@ impl Observer for Terminal {
             Event::Begun { duration_s } => {
                 self.duration_s = duration_s;
                 self.from_s = None;
-                if let Some(words) = self.begun.take() {
+                if let Some(words) = self.start_notice.take() {
                     self.line.notice(&words);
                 }
             }
             Event::Time { t_s } => {
-                crate::signals::run_goes_on();
+                crate::signals::record_run_event();
                 let Some(from_s) = self.from_s else {
                     self.started = Instant::now();
                     self.from_s = Some(t_s);
@@ -132,20 +132,21 @@ impl Observer for Terminal {
             }
             Event::Points { done, all, grows, .. } => {
                 let now = Instant::now();
-                let counted = Counted::with(self.counted, done, now);
-                self.counted = Some(counted);
-                self.line.show(|| campaign_line(done, all, grows, counted.own(now)));
+                let completed = CompletedPoints::with(self.completed, done, now);
+                self.completed = Some(completed);
+                self.line
+                    .show(|| campaign_line(done, all, grows, completed.since_start(now)));
             }
             Event::Notice { text } => self.line.notice(text),
             Event::Paused { t_s, processes } => {
                 self.line.notice(&format!(
                     "paused at t = {t_s} s ({processes}): Enter continues, q and Enter ends the run"
                 ));
-                self.asks = true;
+                self.awaits_input = true;
                 self.from_s = None;
             }
             Event::Over => {
-                crate::signals::run_goes_on();
+                crate::signals::record_run_event();
                 self.line.clear();
             }
             _ => {}
@@ -153,10 +154,10 @@ impl Observer for Terminal {
     }
 
     fn answer(&mut self) -> Option<Answer> {
-        if !self.asks {
+        if !self.awaits_input {
             return None;
         }
-        match typed().lock().unwrap_or_else(PoisonError::into_inner).try_recv() {
+        match stdin_lines().lock().unwrap_or_else(PoisonError::into_inner).try_recv() {
             Ok(line) if line.trim() == "q" => Some(Answer::End),
             Ok(_) => Some(Answer::Continue),
             // After the end of the input no further line can come.
@@ -168,7 +169,7 @@ impl Observer for Terminal {
 
 /// The lines of standard input. One thread reads them for all pauses: a pause that a failure ends leaves no reader behind
 /// that would consume the line of the next pause.
-fn typed() -> &'static Mutex<Receiver<String>> {
+fn stdin_lines() -> &'static Mutex<Receiver<String>> {
     static LINES: OnceLock<Mutex<Receiver<String>>> = OnceLock::new();
     LINES.get_or_init(|| {
         let (sender, receiver) = mpsc::channel();
@@ -189,7 +190,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_says_how_far_it_is_and_how_long_it_takes_still() {
+    fn run_progress_shows_time_and_remaining_time() {
         assert_eq!(
             run_line(12.25, 0.0, 35.0, 4.0),
             "t = 12.250 s of 35 s (35 %), 3.1 times real time, 7 s left"
@@ -206,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_campaign_counts_its_points_and_estimates_from_its_own() {
+    fn campaign_progress_estimates_from_own_points() {
         assert_eq!(
             campaign_line(42, 84, false, (42, 14.0)),
             "42 of 84 points (50 %), 3.0 a second, 14 s left"
@@ -223,18 +224,18 @@ mod tests {
     }
 
     #[test]
-    fn points_of_all_levels_are_counted_and_those_of_other_work_anew() {
+    fn campaign_progress_counts_levels_and_restarts_for_other_work() {
         let start = Instant::now();
         let at = |s: u64| start + std::time::Duration::from_secs(s);
         // Three points existed; the work continues level by level.
-        let mut counted = None;
+        let mut completed = None;
         for (s, done) in [(5, 3), (6, 13), (7, 23), (8, 23), (15, 43)] {
-            counted = Some(Counted::with(counted, done, at(s)));
+            completed = Some(CompletedPoints::with(completed, done, at(s)));
         }
-        assert_eq!(counted.unwrap().own(at(15)), (40, 10.0));
+        assert_eq!(completed.unwrap().since_start(at(15)), (40, 10.0));
         for (s, done) in [(20, 0), (22, 1)] {
-            counted = Some(Counted::with(counted, done, at(s)));
+            completed = Some(CompletedPoints::with(completed, done, at(s)));
         }
-        assert_eq!(counted.unwrap().own(at(22)), (1, 2.0));
+        assert_eq!(completed.unwrap().since_start(at(22)), (1, 2.0));
     }
 }

@@ -18,7 +18,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_program_of_its_own_does_not_take_escapements_version() {
+    fn user_program_does_not_take_escapement_version() {
         assert!(ESCAPEMENT.starts_with(env!("CARGO_PKG_VERSION")));
         assert_eq!(of_program("escapement", None), ESCAPEMENT);
         assert_eq!(of_program("a", None), format!("built on escapement {ESCAPEMENT}"));

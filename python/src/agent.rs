@@ -48,7 +48,7 @@ fn pieces<'a>(ports: impl Iterator<Item = &'a Descriptor>) -> (Vec<Vec<Piece>>, 
 
 impl Piece {
     /// Converts elements of a payload to doubles, as bytes.
-    fn see(&self, payload: &[u8], flat: &mut [u8]) {
+    fn read_doubles(&self, payload: &[u8], flat: &mut [u8]) {
         let size = self.element.size();
         let from = &payload[self.offset..self.offset + self.count * size];
         let to = &mut flat[8 * self.at..8 * (self.at + self.count)];
@@ -62,7 +62,7 @@ impl Piece {
     }
 
     /// Converts doubles, as bytes, to elements of a payload.
-    fn give(&self, flat: &[u8], payload: &mut [u8]) {
+    fn write_doubles(&self, flat: &[u8], payload: &mut [u8]) {
         let size = self.element.size();
         let to = &mut payload[self.offset..self.offset + self.count * size];
         let from = &flat[8 * self.at..8 * (self.at + self.count)];
@@ -103,7 +103,7 @@ impl Agent {
     ) -> PyResult<Agent> {
         let mut run = run.borrow_mut();
         let interface = run
-            .mine()?
+            .active()?
             .interface(&name)
             .map_err(|failure| errors::run(py, &failure))?;
         let (inputs, shown) = pieces(interface.inputs.iter().map(|port| &port.descriptor));
@@ -127,8 +127,10 @@ impl Agent {
         if acts {
             self.action.take(py, &mut self.flat.1);
             for (number, (pieces, payload)) in self.outputs.iter().zip(&mut self.payloads).enumerate() {
-                pieces.iter().for_each(|piece| piece.give(&self.flat.1, payload));
-                let given = run.mine()?.answer_at(number, payload);
+                pieces
+                    .iter()
+                    .for_each(|piece| piece.write_doubles(&self.flat.1, payload));
+                let given = run.active()?.answer_at(number, payload);
                 if !given.map_err(|failure| errors::run(py, &failure))? {
                     return Err(PyValueError::new_err(format!(
                         "`{}` does not stand before an activation",
@@ -138,13 +140,15 @@ impl Agent {
             }
         }
         let name = self.name.as_str();
-        if !run.released(py, |run| run.run_before(name))? {
+        if !run.detached(py, |run| run.run_before(name))? {
             return Ok(None);
         }
-        let own = run.mine()?;
+        let own = run.active()?;
         for (number, pieces) in self.inputs.iter().enumerate() {
             let payload = own.shown_at(number).unwrap_or_default();
-            pieces.iter().for_each(|piece| piece.see(payload, &mut self.flat.0));
+            pieces
+                .iter()
+                .for_each(|piece| piece.read_doubles(payload, &mut self.flat.0));
         }
         self.seen.put(py, &self.flat.0);
         Ok(Some(own.now_s()))

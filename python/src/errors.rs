@@ -26,7 +26,7 @@ pub(crate) fn scenario(py: Python<'_>, error: &ScenarioError) -> PyErr {
     refused(py, &error.file, &error.to_string(), mistakes.collect())
 }
 
-/// A change of the scenario in `file` that says nothing it can say.
+/// An invalid change of the scenario in `file`.
 pub(crate) fn key(py: Python<'_>, file: &Path, key: &str, reason: &str) -> PyErr {
     let message = format!("{}: {key}: {reason}", file.display());
     refused(py, file, &message, vec![(None, key, reason)])

@@ -6,50 +6,53 @@ use engine::{Event, Interrupt, Observer};
 use pyo3::prelude::*;
 
 /// The interval at which the interpreter checks for signals during a run.
-const LOOK: Duration = Duration::from_millis(20);
+const SIGNAL_CHECK_INTERVAL: Duration = Duration::from_millis(20);
 
-/// Calls a Python function: `told(what, …)`.
-pub(crate) struct Teller {
-    told: Option<Py<PyAny>>,
+/// Forwards events to a Python function: `callback(what, …)`.
+pub(crate) struct EventForwarder {
+    callback: Option<Py<PyAny>>,
     interrupt: Interrupt,
-    /// When a time was last told: the first one always is, however short the run.
-    looked: Option<Instant>,
+    /// When a time was last forwarded: the first one always is, however short the run.
+    last_check: Option<Instant>,
 }
 
-impl Teller {
-    pub(crate) fn new(told: Option<Py<PyAny>>, interrupt: Interrupt) -> Teller {
-        Teller {
-            told,
+impl EventForwarder {
+    pub(crate) fn new(callback: Option<Py<PyAny>>, interrupt: Interrupt) -> EventForwarder {
+        EventForwarder {
+            callback,
             interrupt,
-            looked: None,
+            last_check: None,
         }
     }
 
-    fn tell<'py>(&self, py: Python<'py>, event: Event<'_>) -> PyResult<()> {
+    fn forward<'py>(&self, py: Python<'py>, event: Event<'_>) -> PyResult<()> {
         // A signal handler may raise, and so may the callback: both end the run in an orderly way.
         py.check_signals()?;
-        let Some(told) = &self.told else { return Ok(()) };
+        let Some(callback) = &self.callback else { return Ok(()) };
         match event {
-            Event::Begun { duration_s } => told.call1(py, ("begun", duration_s)),
-            Event::Time { t_s } => told.call1(py, ("time", t_s)),
-            Event::Notice { text } => told.call1(py, ("notice", text)),
-            Event::Over => told.call1(py, ("over", 0.0)),
+            Event::Begun { duration_s } => callback.call1(py, ("begun", duration_s)),
+            Event::Time { t_s } => callback.call1(py, ("time", t_s)),
+            Event::Notice { text } => callback.call1(py, ("notice", text)),
+            Event::Over => callback.call1(py, ("over", 0.0)),
             _ => return Ok(()),
         }?;
         Ok(())
     }
 }
 
-impl Observer for Teller {
+impl Observer for EventForwarder {
     fn event(&mut self, event: Event<'_>) {
         if matches!(event, Event::Time { .. }) {
-            if self.looked.is_some_and(|looked| looked.elapsed() < LOOK) {
+            if self
+                .last_check
+                .is_some_and(|last_check| last_check.elapsed() < SIGNAL_CHECK_INTERVAL)
+            {
                 return;
             }
-            self.looked = Some(Instant::now());
+            self.last_check = Some(Instant::now());
         }
         Python::attach(|py| {
-            if let Err(error) = self.tell(py, event) {
+            if let Err(error) = self.forward(py, event) {
                 error.write_unraisable(py, None);
                 self.interrupt.ask();
             }

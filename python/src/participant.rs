@@ -17,7 +17,7 @@ use crate::values::of_toml;
 pub(crate) type Raised = Arc<Mutex<Option<PyErr>>>;
 
 /// A Python object with a method `step`.
-pub(crate) struct Object {
+pub(crate) struct PyParticipant {
     interface: Interface,
     inputs: Vec<Memory>,
     outputs: Vec<Memory>,
@@ -58,7 +58,7 @@ impl Lines {
 
 /// A parameter as its class declares it.
 #[derive(FromPyObject)]
-struct Declared {
+struct DeclaredParameter {
     key: String,
     /// None for a value that is passed as the scenario states it.
     unit: Option<String>,
@@ -67,7 +67,7 @@ struct Declared {
     count: usize,
 }
 
-impl Object {
+impl PyParticipant {
     /// Creates an object of `class`.
     ///
     /// # Errors
@@ -79,24 +79,24 @@ impl Object {
     ) -> Result<Box<dyn Participant>, ParameterError> {
         Python::attach(|py| {
             let parameters = Parameters::new(setup.parameters.clone());
-            let made = Object::made(class.bind(py), setup, &parameters, raised);
+            let made = PyParticipant::create(class.bind(py), setup, &parameters, raised);
             made.map(|object| Box::new(object) as Box<dyn Participant>)
                 .map_err(|wrong| match wrong {
-                    Wrong::Parameter(error) => error,
-                    Wrong::Raised(error) => refusal(py, error, raised),
+                    CreationError::Parameter(error) => error,
+                    CreationError::Raised(error) => refusal(py, error, raised),
                 })
         })
     }
 
-    fn made(
+    fn create(
         class: &Bound<'_, PyAny>,
         setup: &Setup,
         parameters: &Parameters,
         raised: &Raised,
-    ) -> Result<Object, Wrong> {
+    ) -> Result<PyParticipant, CreationError> {
         let py = class.py();
         let maker = py.import("escapement.participant")?;
-        let declared: Vec<Declared> = maker.call_method1("_declared", (class,))?.extract()?;
+        let declared: Vec<DeclaredParameter> = maker.call_method1("_declared", (class,))?.extract()?;
         let values = PyDict::new(py);
         for one in &declared {
             if let Some(value) = read(py, parameters, one)? {
@@ -104,12 +104,12 @@ impl Object {
             }
         }
         if let Some(unknown) = parameters.unknown() {
-            return Err(Wrong::Parameter(unknown));
+            return Err(CreationError::Parameter(unknown));
         }
         let about = (setup.name.as_str(), setup.seed, setup.period, setup.offset);
         let object = maker.call_method1("_make", (class, about, values))?;
         let described: String = maker.call_method1("_interface", (&object,))?.extract()?;
-        let unusable = |reason: String| Wrong::Parameter(ParameterError::new(plugin::NO_PARTICIPANT, reason));
+        let unusable = |reason: String| CreationError::Parameter(ParameterError::new(plugin::NO_PARTICIPANT, reason));
         let interface: Interface =
             serde_json::from_str(&described).map_err(|error| unusable(format!("its ports cannot be read: {error}")))?;
         interface
@@ -131,7 +131,7 @@ impl Object {
         let lines = Lines { log, t: None };
         object.setattr("_esc_lines", Py::new(py, lines)?)?;
         let function = |name: &str| object.getattr(name).map(Bound::unbind);
-        Ok(Object {
+        Ok(PyParticipant {
             interface,
             inputs,
             outputs,
@@ -154,8 +154,8 @@ impl Object {
 
     /// The failure for an exception: a short text with its location. The traceback is logged.
     fn failure(&self, py: Python<'_>, error: PyErr) -> Failure {
-        let text = short(py, &error);
-        keep(py, error, &self.raised);
+        let text = one_line(py, &error);
+        record_exception(py, error, &self.raised);
         text.into()
     }
 
@@ -184,20 +184,24 @@ impl Object {
 }
 
 /// The reason why no object could be created.
-enum Wrong {
+enum CreationError {
     Parameter(ParameterError),
     Raised(PyErr),
 }
 
-impl From<PyErr> for Wrong {
-    fn from(error: PyErr) -> Wrong {
-        Wrong::Raised(error)
+impl From<PyErr> for CreationError {
+    fn from(error: PyErr) -> CreationError {
+        CreationError::Raised(error)
     }
 }
 
 /// The value of a parameter, if the scenario has one.
-fn read<'py>(py: Python<'py>, parameters: &Parameters, one: &Declared) -> Result<Option<Bound<'py, PyAny>>, Wrong> {
-    let refused = Wrong::Parameter;
+fn read<'py>(
+    py: Python<'py>,
+    parameters: &Parameters,
+    one: &DeclaredParameter,
+) -> Result<Option<Bound<'py, PyAny>>, CreationError> {
+    let refused = CreationError::Parameter;
     let Some(unit) = &one.unit else {
         let found = parameters.get(&one.key, one.required).map_err(refused)?;
         return Ok(found.map(|value| of_toml(py, value)).transpose()?);
@@ -224,13 +228,13 @@ fn refusal(py: Python<'_>, error: PyErr, raised: &Raised) -> ParameterError {
     if let (Ok(true), Ok(key), Ok(reason)) = (own, text("key"), text("reason")) {
         return ParameterError::new(key, reason);
     }
-    let reason = short(py, &error);
-    keep(py, error, raised);
+    let reason = one_line(py, &error);
+    record_exception(py, error, raised);
     ParameterError::new(plugin::NO_PARTICIPANT, reason)
 }
 
 /// The exception with its traceback: before Python 3.12 the interpreter stores the two separately.
-fn whole<'py>(py: Python<'py>, error: &PyErr) -> Bound<'py, PyAny> {
+fn with_traceback<'py>(py: Python<'py>, error: &PyErr) -> Bound<'py, PyAny> {
     let value = error.value(py).clone().into_any();
     if let Some(traceback) = error.traceback(py) {
         // This cannot fail: an exception accepts its own traceback.
@@ -240,27 +244,27 @@ fn whole<'py>(py: Python<'py>, error: &PyErr) -> Bound<'py, PyAny> {
 }
 
 /// An exception in one line: its type, its message, and where in the user's code it was raised.
-fn short(py: Python<'_>, error: &PyErr) -> String {
-    let said = py
+fn one_line(py: Python<'_>, error: &PyErr) -> String {
+    let text = py
         .import("escapement.participant")
-        .and_then(|module| module.call_method1("_short", (whole(py, error),)))
+        .and_then(|module| module.call_method1("_short", (with_traceback(py, error),)))
         .and_then(|text| text.extract::<String>());
-    said.unwrap_or_else(|_| error.to_string())
+    text.unwrap_or_else(|_| error.to_string())
 }
 
 /// Logs the traceback and keeps the first exception.
-fn keep(py: Python<'_>, error: PyErr, raised: &Raised) {
+fn record_exception(py: Python<'_>, error: PyErr, raised: &Raised) {
     let mut first = raised.lock().unwrap_or_else(PoisonError::into_inner);
-    let tell = || {
+    let log_traceback = || {
         let module = py.import("escapement.participant")?;
-        module.call_method1("_log_traceback", (whole(py, &error),))
+        module.call_method1("_log_traceback", (with_traceback(py, &error),))
     };
     // The exception is kept even if it cannot be logged.
-    let _ = tell();
+    let _ = log_traceback();
     first.get_or_insert(error);
 }
 
-impl Participant for Object {
+impl Participant for PyParticipant {
     fn interface(&self) -> Interface {
         self.interface.clone()
     }
@@ -298,8 +302,8 @@ impl Participant for Object {
             };
             *self.log.borrow_mut(py) = lines;
             if let Err(error) = self.terminate.call1(py, (why.word(),)) {
-                log.write(format_args!("its `terminate` failed: {}", short(py, &error)));
-                keep(py, error, &self.raised);
+                log.write(format_args!("its `terminate` failed: {}", one_line(py, &error)));
+                record_exception(py, error, &self.raised);
             }
         });
     }
@@ -310,9 +314,9 @@ impl Participant for Object {
                 let state = state.into_bound(py);
                 Ok(state.cast_into::<PyBytes>().map_err(PyErr::from)?.as_bytes().to_vec())
             });
-            let failure = saved.as_ref().err().map(|error| short(py, error));
+            let failure = saved.as_ref().err().map(|error| one_line(py, error));
             self.save_failure.replace(failure);
-            saved.map_err(|error| keep(py, error, &self.raised)).ok()
+            saved.map_err(|error| record_exception(py, error, &self.raised)).ok()
         })
     }
 

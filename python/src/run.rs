@@ -12,7 +12,7 @@ use pyo3::exceptions::{PyRuntimeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::observer::Teller;
+use crate::observer::EventForwarder;
 use crate::participant::Raised;
 use crate::scenario::Scenario;
 use crate::{errors, values};
@@ -42,7 +42,7 @@ impl Interrupt {
 
 /// The options of a run, apart from the scenario.
 #[derive(FromPyObject)]
-pub(crate) struct How {
+pub(crate) struct RunArguments {
     in_process: bool,
     record: String,
     out: Option<PathBuf>,
@@ -55,14 +55,14 @@ pub(crate) struct How {
     resume_from: Option<String>,
 }
 
-/// The time that `text`, the value of `option`, says.
+/// Parses `text`, the value of `option`, as a time.
 fn time(py: Python<'_>, option: &str, text: &str) -> PyResult<Rational> {
     text.parse()
         .map_err(|error| errors::option(py, &format!("{option}: {error}, or a number of seconds")))
 }
 
-impl How {
-    fn options(&self, py: Python<'_>, told: Option<Py<PyAny>>, interrupt: &Interrupt) -> PyResult<Options> {
+impl RunArguments {
+    fn options(&self, py: Python<'_>, callback: Option<Py<PyAny>>, interrupt: &Interrupt) -> PyResult<Options> {
         let record = match self.record.as_str() {
             "folder" => Record::Folder,
             "memory" => Record::Memory,
@@ -101,7 +101,7 @@ impl How {
             record,
             out: self.out.clone(),
             force: self.force,
-            progress: Progress::new(Teller::new(told, interrupt.0.clone())),
+            progress: Progress::new(EventForwarder::new(callback, interrupt.0.clone())),
             interrupt: interrupt.0.clone(),
             pace: self.pace,
             checkpoint_every: every.map(|text| time(py, "checkpoint_every", text)).transpose()?,
@@ -120,7 +120,7 @@ impl How {
 }
 
 /// Attaches the exception that made a run fail.
-fn caused(py: Python<'_>, failure: PyErr, raised: &Raised) -> PyErr {
+fn with_cause(py: Python<'_>, failure: PyErr, raised: &Raised) -> PyErr {
     let cause = raised.lock().unwrap_or_else(PoisonError::into_inner).take();
     if cause.is_some() {
         failure.set_cause(py, cause);
@@ -128,7 +128,7 @@ fn caused(py: Python<'_>, failure: PyErr, raised: &Raised) -> PyErr {
     failure
 }
 
-fn told<'py>(py: Python<'py>, outcome: &Outcome, raised: &Raised) -> PyResult<Bound<'py, PyDict>> {
+fn outcome_dict<'py>(py: Python<'py>, outcome: &Outcome, raised: &Raised) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     all.set_item("summary", values::of_json(py, &outcome.summary())?)?;
     all.set_item("folder", &outcome.folder)?;
@@ -154,7 +154,7 @@ fn told<'py>(py: Python<'py>, outcome: &Outcome, raised: &Raised) -> PyResult<Bo
 pub(crate) fn run<'py>(
     py: Python<'py>,
     scenario: &Bound<'py, Scenario>,
-    how: How,
+    how: RunArguments,
     told_to: Option<Py<PyAny>>,
     interrupt: &Bound<'py, Interrupt>,
 ) -> PyResult<Bound<'py, PyDict>> {
@@ -168,8 +168,8 @@ pub(crate) fn run<'py>(
         }
         Ok::<Outcome, RunFailure>(outcome)
     });
-    let outcome = outcome.map_err(|failure| caused(py, errors::run(py, &failure), &own.raised))?;
-    told(py, &outcome, &own.raised)
+    let outcome = outcome.map_err(|failure| with_cause(py, errors::run(py, &failure), &own.raised))?;
+    outcome_dict(py, &outcome, &own.raised)
 }
 
 /// The state of a run at an instant, in memory.
@@ -193,30 +193,30 @@ pub(crate) struct Run {
 }
 
 /// A run passed to code that runs with the interpreter released, on the same thread.
-struct Here<'a>(&'a mut engine_run::Run);
+struct SendRun<'a>(&'a mut engine_run::Run);
 
 // SAFETY: the code runs on the thread that released the interpreter; the run never leaves that thread.
-unsafe impl Send for Here<'_> {}
+unsafe impl Send for SendRun<'_> {}
 
 impl Run {
-    pub(crate) fn mine(&mut self) -> PyResult<&mut engine_run::Run> {
+    pub(crate) fn active(&mut self) -> PyResult<&mut engine_run::Run> {
         let ended = || PyRuntimeError::new_err("the run has ended: start another one");
         self.run.as_mut().ok_or_else(ended)
     }
 
     /// Calls `work` with the interpreter released.
-    pub(crate) fn released<T: Send>(
+    pub(crate) fn detached<T: Send>(
         &mut self,
         py: Python<'_>,
         work: impl FnOnce(&mut engine_run::Run) -> Result<T, RunFailure> + Send,
     ) -> PyResult<T> {
-        let here = Here(self.mine()?);
+        let here = SendRun(self.active()?);
         let done = py.detach(move || {
             // Moves the whole of `here`, not only the reference in it.
             let here = here;
             work(here.0)
         });
-        done.map_err(|failure| caused(py, errors::run(py, &failure), &self.raised))
+        done.map_err(|failure| with_cause(py, errors::run(py, &failure), &self.raised))
     }
 }
 
@@ -227,14 +227,14 @@ impl Run {
     fn start(
         py: Python<'_>,
         scenario: &Bound<'_, Scenario>,
-        how: How,
+        how: RunArguments,
         told_to: Option<Py<PyAny>>,
         interrupt: &Bound<'_, Interrupt>,
     ) -> PyResult<Run> {
         let own = scenario.get();
         let options = how.options(py, told_to, interrupt.get())?;
         struct Made(Result<engine_run::Run, RunFailure>);
-        // SAFETY: as of `Here`.
+        // SAFETY: as of `SendRun`.
         unsafe impl Send for Made {}
         let made = py.detach(|| Made(engine_run::Run::start(&own.scenario, &options)));
         match made.0 {
@@ -242,53 +242,59 @@ impl Run {
                 run: Some(run),
                 raised: own.raised.clone(),
             }),
-            Err(failure) => Err(caused(py, errors::run(py, &failure), &own.raised)),
+            Err(failure) => Err(with_cause(py, errors::run(py, &failure), &own.raised)),
         }
     }
 
     /// The present time, s: all participants have executed exactly their activations before this instant.
     #[getter]
     fn now(&mut self) -> PyResult<f64> {
-        Ok(self.mine()?.now_s())
+        Ok(self.active()?.now_s())
     }
 
     /// Whether the run is over: no activation follows.
     #[getter]
     fn is_over(&mut self) -> PyResult<bool> {
-        Ok(self.mine()?.is_over())
+        Ok(self.active()?.is_over())
     }
 
     /// Advances the run to the instant `to`.
     fn run_to(&mut self, py: Python<'_>, to: &str) -> PyResult<()> {
         let to = time(py, "run_to", to)?;
-        self.released(py, |run| run.run_to(to))
+        self.detached(py, |run| run.run_to(to))
     }
 
     /// Advances the run to the next communication point.
     fn step(&mut self, py: Python<'_>) -> PyResult<()> {
-        self.released(py, engine_run::Run::step)
+        self.detached(py, engine_run::Run::step)
     }
 
     /// The newest sample of an output: index, stamp and payload.
     fn newest<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<(u64, f64, Bound<'py, PyBytes>)> {
-        let sample = self.mine()?.newest(port).map_err(|failure| errors::run(py, &failure))?;
+        let sample = self
+            .active()?
+            .newest(port)
+            .map_err(|failure| errors::run(py, &failure))?;
         Ok((sample.index(), sample.stamp_s(), PyBytes::new(py, sample.bytes())))
     }
 
     /// Advances the run until a participant is about to step; returns whether it has a further activation.
     fn run_before(&mut self, py: Python<'_>, participant: &str) -> PyResult<bool> {
-        self.released(py, |run| run.run_before(participant))
+        self.detached(py, |run| run.run_before(participant))
     }
 
     /// The sample that an input has in the activation before which its participant is held: index, instant and payload.
     fn shown<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<(u64, f64, Bound<'py, PyBytes>)> {
-        let sample = self.mine()?.shown(port).map_err(|failure| errors::run(py, &failure))?;
+        let sample = self
+            .active()?
+            .shown(port)
+            .map_err(|failure| errors::run(py, &failure))?;
         Ok((sample.index(), sample.stamp_s(), PyBytes::new(py, sample.bytes())))
     }
 
     /// Supplies an output for that activation.
     fn answer(&mut self, py: Python<'_>, port: &str, payload: &[u8]) -> PyResult<()> {
-        self.mine()?
+        self.active()?
             .answer_bytes(port, payload)
             .map_err(|failure| errors::run(py, &failure))
     }
@@ -296,7 +302,7 @@ impl Run {
     /// The descriptor of a port's payload; None if there is no such port.
     fn described<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let (participant, name) = port.split_once('.').unwrap_or((port, ""));
-        let interface = self.mine()?.interface(participant);
+        let interface = self.active()?.interface(participant);
         let interface = interface.map_err(|failure| errors::run(py, &failure))?;
         let inputs = interface.inputs.iter().map(|port| (&port.name, &port.descriptor));
         let mut all = inputs.chain(interface.outputs.iter().map(|port| (&port.name, &port.descriptor)));
@@ -308,19 +314,19 @@ impl Run {
 
     /// Sets an unconnected input.
     fn set(&mut self, py: Python<'_>, port: &str, payload: &[u8]) -> PyResult<()> {
-        self.mine()?
+        self.active()?
             .set_bytes(port, payload)
             .map_err(|failure| errors::run(py, &failure))
     }
 
     /// The log of a participant.
     fn log(&mut self, participant: &str) -> PyResult<String> {
-        Ok(self.mine()?.log(participant))
+        Ok(self.active()?.log(participant))
     }
 
     /// The values so far of the figures `names`; None for one that has no value yet.
     fn figures(&mut self, names: Vec<String>) -> PyResult<Vec<Option<f64>>> {
-        let figures = self.mine()?.figures().map(|figures| Figures::of(&figures));
+        let figures = self.active()?.figures().map(|figures| Figures::of(&figures));
         let numbers: Vec<_> = figures.iter().flat_map(Figures::numbers).collect();
         let value = |name: &String| {
             let found = numbers
@@ -333,13 +339,13 @@ impl Run {
 
     /// The state of all participants.
     fn save(&mut self, py: Python<'_>) -> PyResult<Saved> {
-        self.released(py, engine_run::Run::save).map(Saved)
+        self.detached(py, engine_run::Run::save).map(Saved)
     }
 
     /// Restores `saved`.
     fn restore(&mut self, py: Python<'_>, saved: &Bound<'_, Saved>) -> PyResult<()> {
         let checkpoint = &saved.get().0;
-        self.released(py, |run| run.restore(checkpoint))
+        self.detached(py, |run| run.restore(checkpoint))
     }
 
     /// Abandons the run if it has not ended: its processes end, and its tape is not sealed.
@@ -350,9 +356,9 @@ impl Run {
     /// Ends the run and returns its outcome.
     fn end<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         struct Ended(engine_run::Run);
-        // SAFETY: as of `Here`.
+        // SAFETY: as of `SendRun`.
         unsafe impl Send for Ended {}
-        self.mine()?;
+        self.active()?;
         let Some(run) = self.run.take().map(Ended) else {
             return Err(PyRuntimeError::new_err("the run has ended"));
         };
@@ -361,6 +367,6 @@ impl Run {
             run.0.end()
         });
         let outcome = outcome.map_err(|failure| errors::run(py, &failure))?;
-        told(py, &outcome, &self.raised)
+        outcome_dict(py, &outcome, &self.raised)
     }
 }

@@ -13,7 +13,7 @@ use lockstep::time::Rational;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::participant::{Object, Raised};
+use crate::participant::{PyParticipant, Raised};
 use crate::{errors, values};
 
 /// A scenario that was read and checked.
@@ -36,7 +36,7 @@ fn class_of(program: &Program) -> Option<(&Path, &str)> {
 }
 
 /// The factory that creates in this process what a host would create: from `classes`, by the host's argument, or by importing the class.
-fn within(program: &Program, classes: &HashMap<String, Py<PyAny>>, raised: &Raised) -> Option<Factory> {
+fn in_process_factory(program: &Program, classes: &HashMap<String, Py<PyAny>>, raised: &Raised) -> Option<Factory> {
     let (folder, name) = class_of(program)?;
     let class = Python::attach(|py| match classes.get(name) {
         Some(class) => Ok(class.clone_ref(py)),
@@ -48,7 +48,7 @@ fn within(program: &Program, classes: &HashMap<String, Py<PyAny>>, raised: &Rais
     });
     let raised = raised.clone();
     Some(match class {
-        Ok(class) => Arc::new(move |setup| Object::make(&class, setup, &raised)),
+        Ok(class) => Arc::new(move |setup| PyParticipant::make(&class, setup, &raised)),
         Err(error) => {
             let reason = error.to_string();
             *raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
@@ -75,8 +75,9 @@ impl Scenario {
         classes: HashMap<String, Py<PyAny>>,
     ) -> PyResult<Scenario> {
         let raised = Raised::default();
-        let kept = raised.clone();
-        let catalogue = orchestrator::stock::catalogue().within(move |program| within(program, &classes, &kept));
+        let first_exception = raised.clone();
+        let catalogue = orchestrator::stock::catalogue()
+            .within(move |program| in_process_factory(program, &classes, &first_exception));
         let catalogue = Arc::new(catalogue);
         let faults = faults.iter().map(|fault| {
             let read = fault.parse::<FaultSpec>();

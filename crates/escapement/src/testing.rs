@@ -102,14 +102,14 @@ pub struct Harness {
     outputs: Outputs,
     period: Rational,
     next: u64,
-    said: Arc<Said>,
+    lines: Arc<RecordedLines>,
 }
 
 /// The participant's log.
 #[derive(Default)]
-struct Said(Mutex<Vec<String>>);
+struct RecordedLines(Mutex<Vec<String>>);
 
-impl Sink for Said {
+impl Sink for RecordedLines {
     fn say(&self, line: &Line<'_>) {
         self.0
             .lock()
@@ -133,8 +133,8 @@ impl Harness {
             panic!("{error}");
         }
         let (inputs, mut outputs) = (Inputs::zeroed(&interface), Outputs::zeroed(&interface));
-        let said = Arc::new(Said::default());
-        outputs.set_log(Log::new("tested", Some(said.clone())).at(0.0));
+        let lines = Arc::new(RecordedLines::default());
+        outputs.set_log(Log::new("tested", Some(lines.clone())).at(0.0));
         if let Err(failure) = participant.initialise(0.0, &mut outputs) {
             panic!("initialise: {failure}");
         }
@@ -145,7 +145,7 @@ impl Harness {
             outputs,
             period,
             next: 0,
-            said,
+            lines,
         };
         if harness.interface.kind == Kind::Continuous {
             harness.assert_finite("initialise");
@@ -244,7 +244,7 @@ impl Harness {
 
     /// The lines of the participant's log, such as `tested at t = 0.02 s: opens`.
     pub fn log(&self) -> Vec<String> {
-        self.said.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.lines.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Terminates the participant. The harness does not prevent further steps; a run never makes any.

@@ -14,7 +14,7 @@ pub struct State {
     /// As bytes, for any instance of the same FMU.
     pub bytes: Vec<u8>,
     /// For fast restoring by the instance that saved it.
-    pub kept: Option<engine::run::Checkpoint>,
+    pub checkpoint: Option<engine::run::Checkpoint>,
 }
 
 /// The body that is stepped.
@@ -59,7 +59,7 @@ pub trait Body {
     fn advance(&mut self, from: f64, span: f64) -> Result<(), Refusal>;
 
     /// The log lines of participants since the last call.
-    fn said(&mut self) -> Vec<String>;
+    fn take_log_lines(&mut self) -> Vec<String>;
 
     /// Whether the end of the scenario has been reached.
     fn is_over(&self) -> bool {
@@ -83,7 +83,7 @@ pub trait Body {
 ///
 /// # Errors
 /// States which steps are allowed.
-pub fn steps(now: f64, period: f64, from: f64, span: f64) -> Result<u64, Refusal> {
+pub fn whole_steps(now: f64, period: f64, from: f64, span: f64) -> Result<u64, Refusal> {
     if from.is_nan() || (from - now).abs() > TOLERANCE * period {
         return Err(Refusal::error(format!(
             "the step begins at t = {from} s, but it stands at t = {now} s: a step begins where the one before it ended"
@@ -130,7 +130,7 @@ mod tests {
     use crate::refusal::Status;
 
     #[test]
-    fn instant_is_what_was_meant() {
+    fn nearest_fraction_recovers_decimal_instant() {
         for (value, numerator, denominator) in [
             (0.0, 0, 1),
             (0.01, 1, 100),
@@ -151,12 +151,15 @@ mod tests {
 
     #[test]
     fn step_is_a_whole_number_of_periods() {
-        assert_eq!(steps(0.1, 0.01, 0.1, 0.01).unwrap(), 1);
+        assert_eq!(whole_steps(0.1, 0.01, 0.1, 0.01).unwrap(), 1);
         // Summed up as an importer does.
-        assert_eq!(steps(0.3, 0.1, 0.1 + 0.2, 0.30000000000000004).unwrap(), 3);
-        assert_eq!(steps(0.1, 0.01, 0.1, 0.015).unwrap_err().status, Status::Discard);
-        assert_eq!(steps(0.1, 0.01, 0.1, 0.0).unwrap_err().status, Status::Discard);
-        assert_eq!(steps(0.1, 0.01, 0.1, f64::NAN).unwrap_err().status, Status::Discard);
-        assert_eq!(steps(0.1, 0.01, 0.2, 0.01).unwrap_err().status, Status::Error);
+        assert_eq!(whole_steps(0.3, 0.1, 0.1 + 0.2, 0.30000000000000004).unwrap(), 3);
+        assert_eq!(whole_steps(0.1, 0.01, 0.1, 0.015).unwrap_err().status, Status::Discard);
+        assert_eq!(whole_steps(0.1, 0.01, 0.1, 0.0).unwrap_err().status, Status::Discard);
+        assert_eq!(
+            whole_steps(0.1, 0.01, 0.1, f64::NAN).unwrap_err().status,
+            Status::Discard
+        );
+        assert_eq!(whole_steps(0.1, 0.01, 0.2, 0.01).unwrap_err().status, Status::Error);
     }
 }

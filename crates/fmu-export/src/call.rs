@@ -4,7 +4,7 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 
-use crate::instance::{Instance, Kept};
+use crate::instance::{Instance, SavedState};
 use crate::kind::Native;
 use crate::log::{CATEGORIES, MESSAGES};
 use crate::refusal::{Refusal, Status};
@@ -15,18 +15,22 @@ pub type Pointer = *mut c_void;
 /// The status after a panic: no instance can be used any more.
 const FATAL: c_int = 4;
 
-/// Calls `work` with the instance behind `pointer`, and returns the status in the importer's type. After an error only what `anyway`
-/// allows is executed.
+/// Calls `work` with the instance behind `pointer`, and returns the status in the importer's type. A failed instance executes `work` only
+/// with `even_if_failed`.
 ///
 /// # Safety
 /// `pointer` is null, or an instance that was not freed.
-pub unsafe fn call(pointer: Pointer, anyway: bool, work: impl FnOnce(&mut Instance) -> Result<(), Refusal>) -> c_int {
+pub unsafe fn call(
+    pointer: Pointer,
+    even_if_failed: bool,
+    work: impl FnOnce(&mut Instance) -> Result<(), Refusal>,
+) -> c_int {
     // SAFETY: as the caller says; an importer calls an instance from one thread at a time.
     let Some(instance) = (unsafe { pointer.cast::<Instance>().as_mut() }) else {
         return Status::Error as c_int;
     };
-    if instance.is_failed() && !anyway {
-        instance.say(
+    if instance.is_failed() && !even_if_failed {
+        instance.log_message(
             Status::Error,
             "it has failed before: reset it, give it another state, or free it",
         );
@@ -34,17 +38,17 @@ pub unsafe fn call(pointer: Pointer, anyway: bool, work: impl FnOnce(&mut Instan
     }
     let done = catch_unwind(AssertUnwindSafe(|| {
         let done = work(instance);
-        instance.pass_on();
+        instance.forward_log_lines();
         match done {
             Ok(()) => Status::Ok as c_int,
-            Err(refusal) => instance.refused(&refusal) as c_int,
+            Err(refusal) => instance.record_refusal(&refusal) as c_int,
         }
     }));
     done.unwrap_or(FATAL)
 }
 
 /// Passes an instance to the importer.
-pub fn give(instance: Instance) -> Pointer {
+pub fn into_pointer(instance: Instance) -> Pointer {
     Box::into_raw(Box::new(instance)).cast()
 }
 
@@ -54,12 +58,12 @@ pub fn give(instance: Instance) -> Pointer {
 /// As for [`call`].
 pub unsafe fn free(pointer: Pointer) {
     if !pointer.is_null() {
-        // SAFETY: it was returned by `give`.
+        // SAFETY: it was returned by `into_pointer`.
         let mut instance = unsafe { Box::from_raw(pointer.cast::<Instance>()) };
         let _ = catch_unwind(AssertUnwindSafe(|| {
             // Participants may log something at their end.
             instance.reset();
-            instance.pass_on();
+            instance.forward_log_lines();
             drop(instance);
         }));
     }
@@ -93,7 +97,7 @@ pub unsafe fn list<'a, T>(at: *const T, count: usize) -> &'a [T] {
 ///
 /// # Safety
 /// As for [`call`]; `categories` has `count` elements, which end with a zero byte.
-pub unsafe fn hear(pointer: Pointer, on: bool, categories: *const *const c_char, count: usize) -> c_int {
+pub unsafe fn set_debug_logging(pointer: Pointer, on: bool, categories: *const *const c_char, count: usize) -> c_int {
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
         let wanted: Vec<String> = unsafe { list(categories, count).iter().map(|at| text(*at)).collect() };
@@ -103,7 +107,7 @@ pub unsafe fn hear(pointer: Pointer, on: bool, categories: *const *const c_char,
                 "there is no log category `{unknown}`; there are {all}"
             )));
         }
-        instance.set_hears(on && (wanted.is_empty() || wanted.iter().any(|name| name == MESSAGES)));
+        instance.set_forwards_log(on && (wanted.is_empty() || wanted.iter().any(|name| name == MESSAGES)));
         Ok(())
     };
     // SAFETY: as the caller says.
@@ -124,7 +128,7 @@ pub unsafe fn get(
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
         let references = unsafe { list(references, count) };
-        let values = counted(instance, references, native, room)?;
+        let values = check_value_count(instance, references, native, room)?;
         let mut bytes = vec![0; values * native.size()];
         instance.get(references, native, &mut bytes)?;
         // SAFETY: there is room for as many values as there are.
@@ -149,7 +153,7 @@ pub unsafe fn set(
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
         let references = unsafe { list(references, count) };
-        let values = counted(instance, references, native, room)?;
+        let values = check_value_count(instance, references, native, room)?;
         // SAFETY: there are as many values.
         let bytes = unsafe { list(from.cast::<u8>(), values * native.size()) };
         instance.set(references, native, bytes)
@@ -158,7 +162,7 @@ pub unsafe fn set(
     unsafe { call(pointer, false, work) }
 }
 
-fn counted(instance: &Instance, references: &[u32], native: Native, room: usize) -> Result<usize, Refusal> {
+fn check_value_count(instance: &Instance, references: &[u32], native: Native, room: usize) -> Result<usize, Refusal> {
     let values = instance.count(references, native)?;
     if values == room {
         return Ok(values);
@@ -180,7 +184,7 @@ pub unsafe fn get_texts(
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
         let references = unsafe { list(references, count) };
-        counted(instance, references, Native::Text, room)?;
+        check_value_count(instance, references, Native::Text, room)?;
         let texts = instance.get_texts(references)?;
         for (number, text) in texts.iter().enumerate() {
             // SAFETY: there is room for as many texts as there are.
@@ -205,7 +209,7 @@ pub unsafe fn set_texts(
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
         let references = unsafe { list(references, count) };
-        counted(instance, references, Native::Text, room)?;
+        check_value_count(instance, references, Native::Text, room)?;
         // SAFETY: as the caller says.
         let texts = unsafe { list(from, room) };
         let bytes = |at: &*const c_char| match at.is_null() {
@@ -234,7 +238,7 @@ pub unsafe fn get_binaries(
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
         let references = unsafe { list(references, count) };
-        counted(instance, references, Native::Binary, room)?;
+        check_value_count(instance, references, Native::Binary, room)?;
         for (number, bytes) in instance.get_binaries(references)?.iter().enumerate() {
             // SAFETY: there is room for as many as there are.
             unsafe {
@@ -262,7 +266,7 @@ pub unsafe fn set_binaries(
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
         let references = unsafe { list(references, count) };
-        counted(instance, references, Native::Binary, room)?;
+        check_value_count(instance, references, Native::Binary, room)?;
         // SAFETY: as the caller says.
         let (sizes, pointers) = unsafe { (list(sizes, room), list(from, room)) };
         // SAFETY: as the caller says.
@@ -274,17 +278,17 @@ pub unsafe fn set_binaries(
     unsafe { call(pointer, false, work) }
 }
 
-/// Saves the state: into the one that `kept` points to, or into a new one.
+/// Saves the state: into the one that `out` points to, or into a new one.
 ///
 /// # Safety
-/// `kept` points to null or a state of this FMU.
-pub unsafe fn save(pointer: Pointer, kept: *mut Pointer) -> c_int {
+/// `out` points to null or a state of this FMU.
+pub unsafe fn save(pointer: Pointer, out: *mut Pointer) -> c_int {
     let work = |instance: &mut Instance| {
         let state = Box::new(instance.save()?);
         // SAFETY: as the caller says.
         unsafe {
-            free_state(kept);
-            kept.write(Box::into_raw(state).cast());
+            free_state(out);
+            out.write(Box::into_raw(state).cast());
         }
         Ok(())
     };
@@ -295,12 +299,12 @@ pub unsafe fn save(pointer: Pointer, kept: *mut Pointer) -> c_int {
 /// Restores a state.
 ///
 /// # Safety
-/// `kept` is null, or a state of this FMU.
-pub unsafe fn restore(pointer: Pointer, kept: Pointer) -> c_int {
+/// `state` is null, or a state of this FMU.
+pub unsafe fn restore(pointer: Pointer, state: Pointer) -> c_int {
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
-        let kept = unsafe { kept.cast::<Kept>().as_ref() };
-        instance.restore(kept.ok_or_else(|| Refusal::error("there is no state (NULL)"))?)
+        let state = unsafe { state.cast::<SavedState>().as_ref() };
+        instance.restore(state.ok_or_else(|| Refusal::error("there is no state (NULL)"))?)
     };
     // SAFETY: as the caller says.
     unsafe { call(pointer, true, work) }
@@ -310,12 +314,12 @@ pub unsafe fn restore(pointer: Pointer, kept: Pointer) -> c_int {
 ///
 /// # Safety
 /// As for [`save`].
-pub unsafe fn free_state(kept: *mut Pointer) {
+pub unsafe fn free_state(out: *mut Pointer) {
     // SAFETY: as the caller says.
     unsafe {
-        if !kept.is_null() && !(*kept).is_null() {
-            drop(Box::from_raw((*kept).cast::<Kept>()));
-            *kept = std::ptr::null_mut();
+        if !out.is_null() && !(*out).is_null() {
+            drop(Box::from_raw((*out).cast::<SavedState>()));
+            *out = std::ptr::null_mut();
         }
     }
 }
@@ -323,12 +327,12 @@ pub unsafe fn free_state(kept: *mut Pointer) {
 /// Passes the bytes of a state, or their number, to `work`.
 ///
 /// # Safety
-/// `kept` is null, or a state of this FMU; `work` is called at most once.
-pub unsafe fn state_bytes(pointer: Pointer, kept: Pointer, work: impl FnOnce(&[u8]) -> Result<(), Refusal>) -> c_int {
+/// `state` is null, or a state of this FMU; `work` is called at most once.
+pub unsafe fn state_bytes(pointer: Pointer, state: Pointer, work: impl FnOnce(&[u8]) -> Result<(), Refusal>) -> c_int {
     let work = |_: &mut Instance| {
         // SAFETY: as the caller says.
-        let kept = unsafe { kept.cast::<Kept>().as_ref() };
-        work(kept.ok_or_else(|| Refusal::error("there is no state (NULL)"))?.bytes())
+        let state = unsafe { state.cast::<SavedState>().as_ref() };
+        work(state.ok_or_else(|| Refusal::error("there is no state (NULL)"))?.bytes())
     };
     // SAFETY: as the caller says.
     unsafe { call(pointer, true, work) }
@@ -338,10 +342,10 @@ pub unsafe fn state_bytes(pointer: Pointer, kept: Pointer, work: impl FnOnce(&[u
 ///
 /// # Safety
 /// As for [`state_bytes`]; `size` can be written.
-pub unsafe fn state_size(pointer: Pointer, kept: Pointer, size: *mut usize) -> c_int {
+pub unsafe fn state_size(pointer: Pointer, state: Pointer, size: *mut usize) -> c_int {
     // SAFETY: as the caller says.
     unsafe {
-        state_bytes(pointer, kept, |bytes| {
+        state_bytes(pointer, state, |bytes| {
             size.write(bytes.len());
             Ok(())
         })
@@ -352,10 +356,10 @@ pub unsafe fn state_size(pointer: Pointer, kept: Pointer, size: *mut usize) -> c
 ///
 /// # Safety
 /// As for [`state_bytes`]; `to` has room for `room` bytes.
-pub unsafe fn serialise(pointer: Pointer, kept: Pointer, to: *mut u8, room: usize) -> c_int {
+pub unsafe fn serialise(pointer: Pointer, state: Pointer, to: *mut u8, room: usize) -> c_int {
     // SAFETY: as the caller says.
     unsafe {
-        state_bytes(pointer, kept, |bytes| {
+        state_bytes(pointer, state, |bytes| {
             if room < bytes.len() {
                 let text = format!("the state has {} bytes, and there is room for {room}", bytes.len());
                 return Err(Refusal::error(text));
@@ -369,15 +373,15 @@ pub unsafe fn serialise(pointer: Pointer, kept: Pointer, to: *mut u8, room: usiz
 /// Makes a state from bytes.
 ///
 /// # Safety
-/// `from` has `size` bytes; `kept` as for [`save`].
-pub unsafe fn deserialise(pointer: Pointer, from: *const u8, size: usize, kept: *mut Pointer) -> c_int {
+/// `from` has `size` bytes; `out` as for [`save`].
+pub unsafe fn deserialise(pointer: Pointer, from: *const u8, size: usize, out: *mut Pointer) -> c_int {
     let work = |_: &mut Instance| {
         // SAFETY: as the caller says.
-        let state = Box::new(Kept::of_bytes(unsafe { list(from, size) })?);
+        let state = Box::new(SavedState::of_bytes(unsafe { list(from, size) })?);
         // SAFETY: as the caller says.
         unsafe {
-            free_state(kept);
-            kept.write(Box::into_raw(state).cast());
+            free_state(out);
+            out.write(Box::into_raw(state).cast());
         }
         Ok(())
     };
@@ -389,7 +393,7 @@ pub unsafe fn deserialise(pointer: Pointer, from: *const u8, size: usize, kept: 
 ///
 /// # Safety
 /// As for [`call`].
-pub unsafe fn missing(pointer: Pointer, name: &str) -> c_int {
+pub unsafe fn unsupported(pointer: Pointer, name: &str) -> c_int {
     let work = |_: &mut Instance| {
         Err(Refusal::error(format!(
             "{name} is not there: it is an FMU for co-simulation without event mode, clocks, derivatives and structural parameters"
@@ -400,9 +404,9 @@ pub unsafe fn missing(pointer: Pointer, name: &str) -> c_int {
 }
 
 /// The resource folder that an importer passes: in FMI 2.0 as a URI, in FMI 3.0 as a path.
-pub fn folder(said: &str) -> PathBuf {
-    let Some(rest) = said.strip_prefix("file:") else {
-        return PathBuf::from(said);
+pub fn resource_folder(location: &str) -> PathBuf {
+    let Some(rest) = location.strip_prefix("file:") else {
+        return PathBuf::from(location);
     };
     let path = match rest.strip_prefix("//") {
         Some(rest) => rest.find('/').map_or(rest, |slash| &rest[slash..]),
@@ -431,7 +435,7 @@ pub fn folder(said: &str) -> PathBuf {
 ///
 /// # Errors
 /// Names what is missing.
-pub fn processor() -> Result<(), String> {
+pub fn check_processor() -> Result<(), String> {
     match engine::processor::missing() {
         None => Ok(()),
         Some(missing) => Err(format!(
@@ -442,19 +446,19 @@ pub fn processor() -> Result<(), String> {
 
 #[cfg(test)]
 mod tests {
-    use super::folder;
+    use super::resource_folder;
     use std::path::Path;
 
     #[test]
-    fn resources_are_found_in_every_spelling() {
-        for said in [
+    fn resource_folder_is_found_in_every_spelling() {
+        for location in [
             "file:///tmp/a%20b/resources",
             "file:/tmp/a%20b/resources",
             "file://localhost/tmp/a b/resources",
             "/tmp/a b/resources",
         ] {
-            assert_eq!(folder(said), Path::new("/tmp/a b/resources"), "{said}");
+            assert_eq!(resource_folder(location), Path::new("/tmp/a b/resources"), "{location}");
         }
-        assert_eq!(folder("/tmp/100%25/"), Path::new("/tmp/100%25/"));
+        assert_eq!(resource_folder("/tmp/100%25/"), Path::new("/tmp/100%25/"));
     }
 }

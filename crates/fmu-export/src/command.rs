@@ -26,14 +26,14 @@ pub unsafe fn export_by(
     let request = unsafe { text(request) };
     let done = catch_unwind(AssertUnwindSafe(|| match toml::from_str::<Request>(&request) {
         Ok(request) => match export(&catalogue(), &request) {
-            Ok(said) => (0, said),
+            Ok(text) => (0, text),
             Err(error) => (if error.refused { 2 } else { 1 }, error.text),
         },
         Err(error) => (1, format!("the request cannot be read: {}", error.message())),
     }));
-    let (code, said) = done.unwrap_or_else(|_| (1, "the export panicked".to_owned()));
-    let said = CString::new(said.replace('\0', " ")).unwrap_or_default();
+    let (code, text) = done.unwrap_or_else(|_| (1, "the export panicked".to_owned()));
+    let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
     // SAFETY: as the caller says.
-    unsafe { say(context, c_int::from(code != 0), said.as_ptr()) };
+    unsafe { say(context, c_int::from(code != 0), text.as_ptr()) };
     code
 }

@@ -6,14 +6,14 @@ use std::fmt::Write;
 use lockstep::port::{Element, EnumValue};
 use lockstep::time::Rational;
 
-use crate::kind::{Kind, Version};
+use crate::kind::{VariableKind, Version};
 use crate::log::CATEGORIES;
-use crate::parameter::{Held, Parameter};
+use crate::parameter::{Parameter, ParameterValue};
 use crate::unit;
-use crate::variable::{Place, Ports, Variable};
+use crate::variable::{Ports, ValueLocation, Variable};
 
 /// The content of a model description apart from the variables.
-pub struct About<'a> {
+pub struct ModelInfo<'a> {
     /// The version of the standard.
     pub version: Version,
     /// The name of the model and of its library.
@@ -64,8 +64,8 @@ fn attribute(name: &str, value: &str) -> String {
 }
 
 /// The whole file.
-pub fn describe(about: &About, ports: &Ports, parameters: &[Parameter], variables: &[Variable]) -> String {
-    let three = about.version == Version::Three;
+pub fn describe(about: &ModelInfo, ports: &Ports, parameters: &[Parameter], variables: &[Variable]) -> String {
+    let three = about.version == Version::Fmi3;
     let (token, number) = if three {
         ("instantiationToken", "3.0")
     } else {
@@ -108,9 +108,9 @@ pub fn describe(about: &About, ports: &Ports, parameters: &[Parameter], variable
     text.push_str("  <ModelVariables>\n");
     for (reference, variable) in variables.iter().enumerate() {
         if three {
-            variable_three(&mut text, reference, variable, ports, parameters, &types);
+            write_variable_fmi3(&mut text, reference, variable, ports, parameters, &types);
         } else {
-            variable_two(&mut text, reference, variable, ports, parameters, &types);
+            write_variable_fmi2(&mut text, reference, variable, ports, parameters, &types);
         }
     }
     text.push_str("  </ModelVariables>\n");
@@ -152,7 +152,7 @@ fn units(text: &mut String, variables: &[Variable], parameters: &[Parameter]) {
 /// The enumerations, each once, in the order in which variables use them.
 fn types(variables: &[Variable]) -> Vec<&[EnumValue]> {
     let mut all: Vec<&[EnumValue]> = Vec::new();
-    for variable in variables.iter().filter(|one| one.kind == Kind::Enumeration) {
+    for variable in variables.iter().filter(|one| one.kind == VariableKind::Enumeration) {
         if !all.contains(&&variable.items[..]) {
             all.push(&variable.items);
         }
@@ -163,7 +163,7 @@ fn types(variables: &[Variable]) -> Vec<&[EnumValue]> {
 /// The name of the type of a variable's enumeration.
 fn type_name(variable: &Variable, types: &[&[EnumValue]]) -> String {
     let place = types.iter().position(|items| **items == variable.items[..]);
-    match place.filter(|_| variable.kind == Kind::Enumeration) {
+    match place.filter(|_| variable.kind == VariableKind::Enumeration) {
         Some(place) => format!(" declaredType=\"Enumeration{}\"", place + 1),
         None => String::new(),
     }
@@ -194,18 +194,18 @@ fn definitions(text: &mut String, three: bool, types: &[&[EnumValue]]) {
 }
 
 /// Causality, variability and `initial`.
-fn nature(variable: &Variable, ports: &Ports) -> (&'static str, &'static str, Option<&'static str>) {
+fn causality_and_variability(variable: &Variable, ports: &Ports) -> (&'static str, &'static str, Option<&'static str>) {
     let changing = if variable.kind.is_float() && !ports.discrete {
         "continuous"
     } else {
         "discrete"
     };
     match variable.place {
-        Place::Time => ("independent", "continuous", None),
-        Place::Parameter(_) => ("parameter", "fixed", Some("exact")),
-        Place::Input(..) => ("input", changing, None),
-        Place::Output(..) => ("output", changing, Some("calculated")),
-        Place::Figure(_) => ("output", "discrete", Some("calculated")),
+        ValueLocation::Time => ("independent", "continuous", None),
+        ValueLocation::Parameter(_) => ("parameter", "fixed", Some("exact")),
+        ValueLocation::Input(..) => ("input", changing, None),
+        ValueLocation::Output(..) => ("output", changing, Some("calculated")),
+        ValueLocation::Figure(_) => ("output", "discrete", Some("calculated")),
     }
 }
 
@@ -213,27 +213,27 @@ fn nature(variable: &Variable, ports: &Ports) -> (&'static str, &'static str, Op
 fn start(variable: &Variable, parameters: &[Parameter]) -> Option<String> {
     let zeros;
     let bytes: &[u8] = match variable.place {
-        Place::Input(..) => {
+        ValueLocation::Input(..) => {
             zeros = vec![0; variable.len * variable.kind.size()];
             &zeros
         }
-        Place::Parameter(number) => match &parameters[number].held {
-            Held::Text(text) => return Some(text.clone()),
-            Held::Bytes(bytes) => {
+        ValueLocation::Parameter(number) => match &parameters[number].value {
+            ParameterValue::Text(text) => return Some(text.clone()),
+            ParameterValue::Bytes(bytes) => {
                 let from = variable.first * variable.kind.size();
                 &bytes[from..from + variable.len * variable.kind.size()]
             }
         },
-        Place::Time | Place::Output(..) | Place::Figure(_) => return None,
+        ValueLocation::Time | ValueLocation::Output(..) | ValueLocation::Figure(_) => return None,
     };
     let one = |bytes: &[u8]| match variable.kind {
-        Kind::Number(Element::F64) => format!("{:?}", Element::F64.to_f64(bytes)),
-        Kind::Number(Element::F32) => format!("{:?}", Element::F32.to_f64(bytes) as f32),
-        Kind::Number(element) => element.to_integer(bytes).to_string(),
-        Kind::Enumeration => bytes[0].to_string(),
-        Kind::Boolean => (bytes[0] != 0).to_string(),
+        VariableKind::Number(Element::F64) => format!("{:?}", Element::F64.to_f64(bytes)),
+        VariableKind::Number(Element::F32) => format!("{:?}", Element::F32.to_f64(bytes) as f32),
+        VariableKind::Number(element) => element.to_integer(bytes).to_string(),
+        VariableKind::Enumeration => bytes[0].to_string(),
+        VariableKind::Boolean => (bytes[0] != 0).to_string(),
         // An input is initially empty.
-        Kind::Text | Kind::Content(_) => String::new(),
+        VariableKind::Text | VariableKind::Content(_) => String::new(),
     };
     let all: Vec<String> = bytes.chunks_exact(variable.kind.size()).map(one).collect();
     Some(all.join(" "))
@@ -247,7 +247,7 @@ fn unit_of(variable: &Variable) -> String {
     }
 }
 
-fn variable_two(
+fn write_variable_fmi2(
     text: &mut String,
     reference: usize,
     variable: &Variable,
@@ -255,7 +255,7 @@ fn variable_two(
     parameters: &[Parameter],
     types: &[&[EnumValue]],
 ) {
-    let (causality, variability, initial) = nature(variable, ports);
+    let (causality, variability, initial) = causality_and_variability(variable, ports);
     let _ = writeln!(
         text,
         "    <ScalarVariable name=\"{}\" valueReference=\"{reference}\"{} causality=\"{causality}\" variability=\"{variability}\"{}>",
@@ -264,7 +264,7 @@ fn variable_two(
         attribute("initial", initial.unwrap_or_default()),
     );
     let start = start(variable, parameters).map_or_else(String::new, |start| format!(" start=\"{}\"", quoted(&start)));
-    let kind = variable.kind.name(Version::Two);
+    let kind = variable.kind.name(Version::Fmi2);
     let _ = writeln!(
         text,
         "      <{kind}{}{}{start}/>\n    </ScalarVariable>",
@@ -273,7 +273,7 @@ fn variable_two(
     );
 }
 
-fn variable_three(
+fn write_variable_fmi3(
     text: &mut String,
     reference: usize,
     variable: &Variable,
@@ -281,10 +281,10 @@ fn variable_three(
     parameters: &[Parameter],
     types: &[&[EnumValue]],
 ) {
-    let (causality, variability, initial) = nature(variable, ports);
-    let kind = variable.kind.name(Version::Three);
+    let (causality, variability, initial) = causality_and_variability(variable, ports);
+    let kind = variable.kind.name(Version::Fmi3);
     let start = start(variable, parameters);
-    let content = matches!(variable.kind, Kind::Text | Kind::Content(_));
+    let content = matches!(variable.kind, VariableKind::Text | VariableKind::Content(_));
     let written = start.as_ref().filter(|_| !content);
     let _ = write!(
         text,
@@ -296,7 +296,7 @@ fn variable_three(
         unit_of(variable),
         written.map_or_else(String::new, |start| attribute("start", start)),
     );
-    if let Kind::Content(Element::Bytes(room)) = variable.kind {
+    if let VariableKind::Content(Element::Bytes(room)) = variable.kind {
         let _ = write!(text, " maxSize=\"{room}\"");
     }
     let mut inside = String::new();
@@ -316,11 +316,11 @@ fn variable_three(
 
 fn structure(text: &mut String, three: bool, variables: &[Variable], ports: &Ports) {
     let outputs: Vec<usize> = (variables.iter().enumerate())
-        .filter(|(_, one)| matches!(one.place, Place::Output(..) | Place::Figure(_)))
+        .filter(|(_, one)| matches!(one.place, ValueLocation::Output(..) | ValueLocation::Figure(_)))
         .map(|(number, _)| number)
         .collect();
     let inputs: Vec<String> = (variables.iter().enumerate())
-        .filter(|(_, one)| matches!(one.place, Place::Input(..)))
+        .filter(|(_, one)| matches!(one.place, ValueLocation::Input(..)))
         .map(|(number, _)| (if three { number } else { number + 1 }).to_string())
         .collect();
     let inputs = if ports.feedthrough {
@@ -331,7 +331,7 @@ fn structure(text: &mut String, three: bool, variables: &[Variable], ports: &Por
     let none = String::new();
     text.push_str("  <ModelStructure>\n");
     let line = |text: &mut String, tag: &str, number: usize| {
-        let inputs = if matches!(variables[number].place, Place::Output(..)) {
+        let inputs = if matches!(variables[number].place, ValueLocation::Output(..)) {
             &inputs
         } else {
             &none

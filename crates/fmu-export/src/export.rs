@@ -10,15 +10,15 @@ use lockstep::time::Rational;
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, exact};
-use crate::describe::{About, describe};
+use crate::describe::{ModelInfo, describe};
 use crate::kind::{Native, Version};
 use crate::manifest::{Content, FORMAT, MANIFEST, Manifest, SCENARIO, token};
 use crate::model::Model;
 use crate::pack::Pack;
-use crate::single::Single;
+use crate::single::ParticipantBody;
 use crate::usage;
 use crate::variable::Variable;
-use crate::whole::{self, Whole};
+use crate::whole::{self, ScenarioBody};
 
 /// The export request.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -66,7 +66,7 @@ fn refuse(text: impl Into<String>) -> ExportError {
     }
 }
 
-fn broken(text: impl Into<String>) -> ExportError {
+fn io_error(text: impl Into<String>) -> ExportError {
     ExportError {
         text: text.into(),
         refused: false,
@@ -74,7 +74,7 @@ fn broken(text: impl Into<String>) -> ExportError {
 }
 
 /// The content of the archive.
-struct Parts {
+struct ArchiveContents {
     manifest: Manifest,
     scenario: ScenarioSpec,
     /// Files in the scenario's folder, by name.
@@ -98,8 +98,8 @@ pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, E
     let scenario =
         Scenario::read(catalogue, &request.scenario, &request.set).map_err(|error| refuse(error.to_string()))?;
     let parts = match &request.participant {
-        Some(name) => participant(&scenario, name, request.fmi)?,
-        None => whole(&scenario, request)?,
+        Some(name) => participant_contents(&scenario, name, request.fmi)?,
+        None => scenario_contents(&scenario, request)?,
     };
     let (manifest, text) = (write(&parts.manifest)?, parts.scenario.to_text());
     let token = token(&manifest, &text);
@@ -115,12 +115,12 @@ pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, E
     let read = Scenario::of(catalogue, here, &request.scenario);
     let model = Model::new(Content {
         manifest: parts.manifest.clone(),
-        scenario: read.map_err(|error| broken(format!("the exported scenario cannot be read again: {error}")))?,
+        scenario: read.map_err(|error| io_error(format!("the exported scenario cannot be read again: {error}")))?,
         token: token.clone(),
     });
-    let model = checked(model.map_err(refuse)?, parts.manifest.version())?;
+    let model = check_types(model.map_err(refuse)?, parts.manifest.version())?;
     let identifier = identifier(&parts.manifest.model);
-    let about = About {
+    let about = ModelInfo {
         version: parts.manifest.version(),
         identifier: &identifier,
         model: &parts.manifest.model,
@@ -137,13 +137,13 @@ pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, E
         .out
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("{identifier}.fmu")));
-    let platform = if about.version == Version::Three {
+    let platform = if about.version == Version::Fmi3 {
         "x86_64-linux"
     } else {
         "linux64"
     };
     let mut pack = Pack::default();
-    let mut add = |name: &str, contents: &[u8], executable| pack.add(name, contents, executable).map_err(broken);
+    let mut add = |name: &str, contents: &[u8], executable| pack.add(name, contents, executable).map_err(io_error);
     add("modelDescription.xml", xml.as_bytes(), false)?;
     add(
         &format!("binaries/{platform}/{identifier}.so"),
@@ -155,20 +155,20 @@ pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, E
     for (name, file) in &parts.files {
         add(&format!("resources/{name}"), &contents(file)?, true)?;
     }
-    tape::write_atomic(&file, pack.finish()).map_err(|error| broken(format!("`{}`: {error}", file.display())))?;
-    let mut said = format!("{}\n{}", file.display(), usage::summary(&about, &model));
+    tape::write_atomic(&file, pack.finish()).map_err(|error| io_error(format!("`{}`: {error}", file.display())))?;
+    let mut instructions = format!("{}\n{}", file.display(), usage::summary(&about, &model));
     if let Some(name) = &request.participant {
         let _ = write!(
-            said,
+            instructions,
             "\n\n{}",
-            usage::entry(name, &file, &about, &model, &fed(&scenario, name))
+            usage::entry(name, &file, &about, &model, &connected_inputs(&scenario, name))
         );
     }
-    Ok(said)
+    Ok(instructions)
 }
 
 /// The inputs of participant `name` that a connection feeds.
-fn fed(scenario: &Scenario, name: &str) -> Vec<String> {
+fn connected_inputs(scenario: &Scenario, name: &str) -> Vec<String> {
     let ends = scenario.links().filter_map(|(_, to, _)| to.split_once('.'));
     ends.filter(|(own, _)| *own == name)
         .map(|(_, input)| input.to_owned())
@@ -176,11 +176,11 @@ fn fed(scenario: &Scenario, name: &str) -> Vec<String> {
 }
 
 fn contents(file: &Path) -> Result<Vec<u8>, ExportError> {
-    std::fs::read(file).map_err(|error| broken(format!("`{}` cannot be read: {error}", file.display())))
+    std::fs::read(file).map_err(|error| io_error(format!("`{}` cannot be read: {error}", file.display())))
 }
 
 fn write(manifest: &Manifest) -> Result<String, ExportError> {
-    toml::to_string(manifest).map_err(|error| broken(error.to_string()))
+    toml::to_string(manifest).map_err(|error| io_error(error.to_string()))
 }
 
 /// A valid C identifier made from a name.
@@ -197,7 +197,7 @@ fn identifier(name: &str) -> String {
 }
 
 /// A scenario of one participant alone.
-fn participant(scenario: &Scenario, name: &str, fmi: u32) -> Result<Parts, ExportError> {
+fn participant_contents(scenario: &Scenario, name: &str, fmi: u32) -> Result<ArchiveContents, ExportError> {
     let entry = scenario.participants.iter().find(|entry| entry.setup.name == name);
     let entry = entry.ok_or_else(|| {
         let names: Vec<String> = scenario
@@ -245,7 +245,7 @@ fn participant(scenario: &Scenario, name: &str, fmi: u32) -> Result<Parts, Expor
     } else {
         format!("The participant {name} of: {}", scenario.title)
     };
-    Ok(Parts {
+    Ok(ArchiveContents {
         manifest,
         scenario: alone,
         files,
@@ -254,7 +254,7 @@ fn participant(scenario: &Scenario, name: &str, fmi: u32) -> Result<Parts, Expor
 }
 
 /// The whole scenario.
-fn whole(scenario: &Scenario, request: &Request) -> Result<Parts, ExportError> {
+fn scenario_contents(scenario: &Scenario, request: &Request) -> Result<ArchiveContents, ExportError> {
     let mut spec = scenario.spec().clone();
     spec.folder = None;
     let mut outputs = request.outputs.clone();
@@ -281,10 +281,10 @@ fn whole(scenario: &Scenario, request: &Request) -> Result<Parts, ExportError> {
         state: !request.stateless,
     };
     let mut tried =
-        Whole::new(scenario.clone(), &manifest.inputs, &manifest.outputs, manifest.state).map_err(refuse)?;
+        ScenarioBody::new(scenario.clone(), &manifest.inputs, &manifest.outputs, manifest.state).map_err(refuse)?;
     tried.begin(&[], Rational::ZERO).map_err(refuse)?;
-    manifest.state &= tried.save().is_ok_and(|state| state.kept.is_some());
-    Ok(Parts {
+    manifest.state &= tried.save().is_ok_and(|state| state.checkpoint.is_some());
+    Ok(ArchiveContents {
         manifest,
         scenario: spec,
         files,
@@ -293,10 +293,10 @@ fn whole(scenario: &Scenario, request: &Request) -> Result<Parts, ExportError> {
 }
 
 /// The model, if the version has a type for every variable.
-fn checked(model: Model, version: Version) -> Result<Model, ExportError> {
+fn check_types(model: Model, version: Version) -> Result<Model, ExportError> {
     let binary = |one: &&Variable| one.kind.native(version) == Native::Binary;
     match model.variables.iter().find(binary) {
-        Some(one) if version == Version::Two => Err(refuse(format!(
+        Some(one) if version == Version::Fmi2 => Err(refuse(format!(
             "`{}` has bytes, for which FMI 2.0 has no type: export it with --fmi 3",
             one.name
         ))),
@@ -306,7 +306,7 @@ fn checked(model: Model, version: Version) -> Result<Model, ExportError> {
 
 /// Whether the participant can be saved after its start, found out by trying it.
 fn can_save(scenario: &Scenario, entry: &Entry) -> Result<bool, ExportError> {
-    let mut single = Single::new(scenario.clone(), entry.clone()).map_err(refuse)?;
+    let mut single = ParticipantBody::new(scenario.clone(), entry.clone()).map_err(refuse)?;
     let start = exact(entry.setup.offset).map_err(refuse)?;
     single.begin(&[], start).map_err(refuse)?;
     Ok(single.save().is_ok())
@@ -358,7 +358,7 @@ mod tests {
     use super::identifier;
 
     #[test]
-    fn identifier_is_one_in_c() {
+    fn identifier_is_valid_in_c() {
         assert_eq!(identifier("close-capture 2"), "close_capture_2");
         assert_eq!(identifier("2nd"), "_2nd");
     }

@@ -15,9 +15,9 @@ use crate::kind::{Native, Version};
 use crate::log::Log;
 use crate::manifest::Content;
 use crate::model::Model;
-use crate::parameter::{Held, Parameter};
+use crate::parameter::{Parameter, ParameterValue};
 use crate::refusal::{Refusal, Status};
-use crate::variable::{Place, Variable};
+use crate::variable::{ValueLocation, Variable};
 
 /// The mode of an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -49,26 +49,26 @@ pub struct Instance {
     texts: Vec<CString>,
     /// Binary values returned by the last call.
     binaries: Vec<Vec<u8>>,
-    saves: bool,
+    can_save_state: bool,
     /// Whether parameters were set since the body began.
     outdated: bool,
     /// Whether the importer wants the participants' log lines.
-    hears: bool,
+    forwards_log: bool,
 }
 
 /// A saved state of an instance, held by the importer.
-pub struct Kept {
+pub struct SavedState {
     bytes: Vec<u8>,
     body: State,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Saved {
+struct SerialisedState {
     token: String,
     mode: Mode,
     start: f64,
     /// Changed parameters, by number.
-    parameters: Vec<(u64, Held)>,
+    parameters: Vec<(u64, ParameterValue)>,
     body: Vec<u8>,
 }
 
@@ -118,35 +118,35 @@ impl Instance {
             variables: model.variables,
             texts: Vec::new(),
             binaries: Vec::new(),
-            saves: model.saves,
+            can_save_state: model.can_save_state,
             outdated: false,
-            hears: true,
+            forwards_log: true,
         })
     }
 
     /// Writes a message to the importer's log.
-    pub fn say(&self, status: Status, text: &str) {
+    pub fn log_message(&self, status: Status, text: &str) {
         self.log.write(status, text);
     }
 
     /// Forwards the participants' log lines since the last call.
-    pub fn pass_on(&mut self) {
-        for line in self.body.said() {
-            if self.hears {
-                self.say(Status::Ok, &line);
+    pub fn forward_log_lines(&mut self) {
+        for line in self.body.take_log_lines() {
+            if self.forwards_log {
+                self.log_message(Status::Ok, &line);
             }
         }
     }
 
     /// Sets whether the importer wants the participants' log lines.
-    pub fn set_hears(&mut self, hears: bool) {
-        self.hears = hears;
+    pub fn set_forwards_log(&mut self, forwards_log: bool) {
+        self.forwards_log = forwards_log;
     }
 
     /// Logs why a call was rejected, and records whether the instance has failed.
-    pub fn refused(&mut self, refusal: &Refusal) -> Status {
+    pub fn record_refusal(&mut self, refusal: &Refusal) -> Status {
         self.failed |= refusal.status == Status::Error;
-        self.say(refusal.status, &refusal.text);
+        self.log_message(refusal.status, &refusal.text);
         refusal.status
     }
 
@@ -170,7 +170,7 @@ impl Instance {
         self.body.is_over()
     }
 
-    fn must(&self, modes: &[Mode], what: &str) -> Result<(), Refusal> {
+    fn check_mode(&self, modes: &[Mode], what: &str) -> Result<(), Refusal> {
         if modes.contains(&self.mode) {
             return Ok(());
         }
@@ -182,14 +182,14 @@ impl Instance {
 
     /// The start of the experiment, s.
     pub fn set_up(&mut self, start: f64) -> Result<(), Refusal> {
-        self.must(&[Mode::Instantiated], "setting up the experiment")?;
+        self.check_mode(&[Mode::Instantiated], "setting up the experiment")?;
         self.start = start;
         Ok(())
     }
 
     /// Enters the initialization mode: the participant is created and initialised.
-    pub fn initialise(&mut self) -> Result<(), Refusal> {
-        self.must(&[Mode::Instantiated], "entering the initialization mode")?;
+    pub fn enter_initialisation(&mut self) -> Result<(), Refusal> {
+        self.check_mode(&[Mode::Instantiated], "entering the initialization mode")?;
         self.begin()?;
         self.mode = Mode::Initialisation;
         Ok(())
@@ -201,27 +201,27 @@ impl Instance {
     }
 
     /// Restarts if parameters were set in the initialization mode.
-    fn settle(&mut self) -> Result<(), Refusal> {
+    fn restart_if_outdated(&mut self) -> Result<(), Refusal> {
         if self.outdated { self.begin() } else { Ok(()) }
     }
 
     /// Leaves the initialization mode.
-    pub fn initialised(&mut self) -> Result<(), Refusal> {
-        self.must(&[Mode::Initialisation], "leaving the initialization mode")?;
-        self.settle()?;
+    pub fn exit_initialisation(&mut self) -> Result<(), Refusal> {
+        self.check_mode(&[Mode::Initialisation], "leaving the initialization mode")?;
+        self.restart_if_outdated()?;
         self.mode = Mode::Step;
         Ok(())
     }
 
     /// A step from `from` to `from + span`, s.
     pub fn step(&mut self, from: f64, span: f64) -> Result<(), Refusal> {
-        self.must(&[Mode::Step], "a step")?;
+        self.check_mode(&[Mode::Step], "a step")?;
         self.body.advance(from, span)
     }
 
     /// Terminates.
     pub fn terminate(&mut self) -> Result<(), Refusal> {
-        self.must(&[Mode::Step, Mode::Initialisation], "the end")?;
+        self.check_mode(&[Mode::Step, Mode::Initialisation], "the end")?;
         self.mode = Mode::Terminated;
         Ok(())
     }
@@ -263,7 +263,7 @@ impl Instance {
 
     /// Reads the values of variables consecutively into `to`.
     pub fn get(&mut self, references: &[u32], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
-        self.settle()?;
+        self.restart_if_outdated()?;
         let (mut rest, each) = (to, native.size());
         for reference in references {
             let number = self.variable(*reference, native)?;
@@ -278,24 +278,24 @@ impl Instance {
             let size = kind.size();
             let value;
             let bytes: &[u8] = match place {
-                Place::Time => {
+                ValueLocation::Time => {
                     value = self.body.time().to_le_bytes();
                     &value
                 }
-                Place::Figure(figure) => {
+                ValueLocation::Figure(figure) => {
                     value = self.body.figure(figure)?.to_le_bytes();
                     &value
                 }
-                Place::Parameter(parameter) => match &self.parameters[parameter].held {
-                    Held::Bytes(bytes) => &bytes[first * size..],
-                    Held::Text(_) => return Err(Refusal::error("a text is read as a String")),
+                ValueLocation::Parameter(parameter) => match &self.parameters[parameter].value {
+                    ParameterValue::Bytes(bytes) => &bytes[first * size..],
+                    ParameterValue::Text(_) => return Err(Refusal::error("a text is read as a String")),
                 },
-                Place::Input(port, at) => &self.body.input(port)[at..],
-                Place::Output(port, at) => &self.body.output(port)?[at..],
+                ValueLocation::Input(port, at) => &self.body.input(port)[at..],
+                ValueLocation::Output(port, at) => &self.body.output(port)?[at..],
             };
             for (from, to) in bytes.chunks_exact(size).zip(own.chunks_exact_mut(each)) {
-                let given = kind.give(from, native, to);
-                given.map_err(|refusal| named(&self.variables[number].name, refusal))?;
+                let given = kind.to_native(from, native, to);
+                given.map_err(|refusal| with_variable_name(&self.variables[number].name, refusal))?;
             }
             rest = after;
         }
@@ -319,21 +319,23 @@ impl Instance {
             let mut values = vec![0; len * size];
             for (from, to) in own.chunks_exact(each).zip(values.chunks_exact_mut(size)) {
                 let variable = &self.variables[number];
-                let taken = kind.take(from, native, to).and_then(|()| variable.check(to));
-                taken.map_err(|refusal| named(&variable.name, refusal))?;
+                let taken = kind
+                    .element_from_native(from, native, to)
+                    .and_then(|()| variable.check(to));
+                taken.map_err(|refusal| with_variable_name(&variable.name, refusal))?;
             }
             match place {
-                Place::Input(port, at) => self.body.set(port, at, &values),
-                Place::Parameter(parameter) => {
+                ValueLocation::Input(port, at) => self.body.set(port, at, &values),
+                ValueLocation::Parameter(parameter) => {
                     self.parameters_may_be_set(number)?;
                     let parameter = &mut self.parameters[parameter];
-                    if let Held::Bytes(bytes) = &mut parameter.held {
+                    if let ParameterValue::Bytes(bytes) = &mut parameter.value {
                         let place = &mut bytes[first * size..first * size + values.len()];
                         parameter.changed |= *place != *values;
                         place.copy_from_slice(&values);
                     }
                 }
-                Place::Time | Place::Output(..) | Place::Figure(_) => {
+                ValueLocation::Time | ValueLocation::Output(..) | ValueLocation::Figure(_) => {
                     let name = &self.variables[number].name;
                     return Err(Refusal::error(format!(
                         "`{name}` cannot be set: it is no input and no parameter"
@@ -357,40 +359,43 @@ impl Instance {
     }
 
     /// Saves the state.
-    pub fn save(&mut self) -> Result<Kept, Refusal> {
-        if !self.saves {
+    pub fn save(&mut self) -> Result<SavedState, Refusal> {
+        if !self.can_save_state {
             let text = "the participant cannot save its state: it has no `save` and `restore`";
             return Err(Refusal::error(text));
         }
-        self.settle()?;
+        self.restart_if_outdated()?;
         let body = self.body.save()?;
         let changed = self.parameters.iter().enumerate().filter(|(_, one)| one.changed);
-        let saved = Saved {
+        let saved = SerialisedState {
             token: self.token.clone(),
             mode: self.mode,
             start: self.start,
-            parameters: changed.map(|(number, one)| (number as u64, one.held.clone())).collect(),
+            parameters: changed
+                .map(|(number, one)| (number as u64, one.value.clone()))
+                .collect(),
             body: body.bytes.clone(),
         };
         let bytes = wire::encode("the state of an FMU", &saved).map_err(|error| error.to_string())?;
-        Ok(Kept { bytes, body })
+        Ok(SavedState { bytes, body })
     }
 
     /// Restores a state, also after a failure.
-    pub fn restore(&mut self, kept: &Kept) -> Result<(), Refusal> {
-        let saved: Saved = wire::decode("the state of an FMU", &kept.bytes).map_err(|error| error.to_string())?;
+    pub fn restore(&mut self, state: &SavedState) -> Result<(), Refusal> {
+        let saved: SerialisedState =
+            wire::decode("the state of an FMU", &state.bytes).map_err(|error| error.to_string())?;
         if saved.token != self.token {
             return Err(Refusal::error("it is the state of another FMU"));
         }
         let mut parameters = self.defaults.clone();
-        for (number, held) in saved.parameters {
+        for (number, value) in saved.parameters {
             let parameter = usize::try_from(number)
                 .ok()
                 .and_then(|number| parameters.get_mut(number));
             let parameter = parameter.ok_or_else(|| Refusal::error("the state has parameters of another FMU"))?;
-            (parameter.held, parameter.changed) = (held, true);
+            (parameter.value, parameter.changed) = (value, true);
         }
-        self.body.restore(&parameters, &kept.body)?;
+        self.body.restore(&parameters, &state.body)?;
         (self.parameters, self.outdated) = (parameters, false);
         (self.mode, self.start, self.failed) = (saved.mode, saved.start, false);
         Ok(())
@@ -400,37 +405,37 @@ impl Instance {
     pub fn dependencies(&self, reference: u32) -> Result<Vec<u32>, Refusal> {
         let variable = self.variables.get(reference as usize);
         let variable = variable.ok_or_else(|| Refusal::error(format!("there is no variable {reference}")))?;
-        let depends = self.body.ports().feedthrough && matches!(variable.place, Place::Output(..));
+        let depends = self.body.ports().feedthrough && matches!(variable.place, ValueLocation::Output(..));
         let inputs = self
             .variables
             .iter()
             .enumerate()
-            .filter(|(_, one)| matches!(one.place, Place::Input(..)));
+            .filter(|(_, one)| matches!(one.place, ValueLocation::Input(..)));
         Ok(inputs.filter(|_| depends).map(|(number, _)| number as u32).collect())
     }
 }
 
-impl Kept {
+impl SavedState {
     /// The state as bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
     /// A state from bytes, which may come from a file.
-    pub fn of_bytes(bytes: &[u8]) -> Result<Kept, String> {
-        let saved: Saved = wire::decode("the state of an FMU", bytes).map_err(|error| error.to_string())?;
+    pub fn of_bytes(bytes: &[u8]) -> Result<SavedState, String> {
+        let saved: SerialisedState = wire::decode("the state of an FMU", bytes).map_err(|error| error.to_string())?;
         let body = State {
             bytes: saved.body,
-            kept: None,
+            checkpoint: None,
         };
-        Ok(Kept {
+        Ok(SavedState {
             bytes: bytes.to_vec(),
             body,
         })
     }
 }
 
-fn named(name: &str, refusal: Refusal) -> Refusal {
+fn with_variable_name(name: &str, refusal: Refusal) -> Refusal {
     Refusal {
         text: format!("`{name}`: {}", refusal.text),
         ..refusal

@@ -8,14 +8,14 @@ use crate::refusal::Refusal;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Version {
     /// FMI 2.0.
-    Two,
+    Fmi2,
     /// FMI 3.0.
-    Three,
+    Fmi3,
 }
 
 /// The type of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum VariableKind {
     /// Numbers as stored in a payload.
     Number(Element),
     /// A truth value, one byte.
@@ -63,34 +63,34 @@ impl Native {
     }
 }
 
-impl Kind {
+impl VariableKind {
     /// Bytes of one stored element.
     pub fn size(self) -> usize {
         match self {
-            Kind::Number(element) => element.size(),
-            Kind::Boolean | Kind::Enumeration => 1,
-            Kind::Text => 0,
-            Kind::Content(element) => element.size(),
+            VariableKind::Number(element) => element.size(),
+            VariableKind::Boolean | VariableKind::Enumeration => 1,
+            VariableKind::Text => 0,
+            VariableKind::Content(element) => element.size(),
         }
     }
 
     /// Whether it is a floating-point number.
     pub fn is_float(self) -> bool {
-        matches!(self, Kind::Number(Element::F64 | Element::F32))
+        matches!(self, VariableKind::Number(Element::F64 | Element::F32))
     }
 
     /// The type of the function that gets and sets it.
     pub fn native(self, version: Version) -> Native {
         match (version, self) {
-            (_, Kind::Text | Kind::Content(Element::Text(_))) => Native::Text,
+            (_, VariableKind::Text | VariableKind::Content(Element::Text(_))) => Native::Text,
             // FMI 2.0 has none: ports with bytes are not exported to it.
-            (_, Kind::Content(_)) => Native::Binary,
-            (Version::Two, Kind::Number(Element::F64 | Element::F32)) => Native::Float64,
-            (Version::Two, Kind::Number(_) | Kind::Enumeration) => Native::Int32,
-            (Version::Three, Kind::Enumeration) => Native::Int64,
-            (Version::Two, Kind::Boolean) => Native::Boolean32,
-            (Version::Three, Kind::Boolean) => Native::Boolean8,
-            (Version::Three, Kind::Number(element)) => match element {
+            (_, VariableKind::Content(_)) => Native::Binary,
+            (Version::Fmi2, VariableKind::Number(Element::F64 | Element::F32)) => Native::Float64,
+            (Version::Fmi2, VariableKind::Number(_) | VariableKind::Enumeration) => Native::Int32,
+            (Version::Fmi3, VariableKind::Enumeration) => Native::Int64,
+            (Version::Fmi2, VariableKind::Boolean) => Native::Boolean32,
+            (Version::Fmi3, VariableKind::Boolean) => Native::Boolean8,
+            (Version::Fmi3, VariableKind::Number(element)) => match element {
                 Element::F64 => Native::Float64,
                 Element::F32 => Native::Float32,
                 Element::I64 => Native::Int64,
@@ -107,23 +107,23 @@ impl Kind {
     }
 
     /// The type of a field's elements.
-    pub fn of(element: Element) -> Kind {
+    pub fn of(element: Element) -> VariableKind {
         match element {
-            Element::Bool => Kind::Boolean,
-            Element::Enum => Kind::Enumeration,
-            Element::Text(_) | Element::Bytes(_) => Kind::Content(element),
-            number => Kind::Number(number),
+            Element::Bool => VariableKind::Boolean,
+            Element::Enum => VariableKind::Enumeration,
+            Element::Text(_) | Element::Bytes(_) => VariableKind::Content(element),
+            number => VariableKind::Number(number),
         }
     }
 
     /// The name of the type in a model description.
     pub fn name(self, version: Version) -> &'static str {
-        if self == Kind::Enumeration {
+        if self == VariableKind::Enumeration {
             return "Enumeration";
         }
         match self.native(version) {
-            Native::Float64 if version == Version::Two => "Real",
-            Native::Int32 if version == Version::Two => "Integer",
+            Native::Float64 if version == Version::Fmi2 => "Real",
+            Native::Int32 if version == Version::Fmi2 => "Integer",
             Native::Float64 => "Float64",
             Native::Float32 => "Float32",
             Native::Int8 => "Int8",
@@ -144,18 +144,18 @@ impl Kind {
     ///
     /// # Errors
     /// When the caller's type cannot hold a whole number.
-    pub fn give(self, from: &[u8], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
+    pub fn to_native(self, from: &[u8], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
         let size = self.size();
         match (self, native) {
-            (Kind::Number(Element::F32), Native::Float64) => {
+            (VariableKind::Number(Element::F32), Native::Float64) => {
                 to.copy_from_slice(&Element::F32.to_f64(from).to_le_bytes());
             }
-            (Kind::Enumeration, Native::Int32 | Native::Int64) => {
+            (VariableKind::Enumeration, Native::Int32 | Native::Int64) => {
                 to.fill(0);
                 to[0] = from[0];
             }
-            (Kind::Boolean, Native::Boolean32) => to.copy_from_slice(&i32::from(from[0] != 0).to_le_bytes()),
-            (Kind::Number(element), Native::Int32) if element != Element::I32 => {
+            (VariableKind::Boolean, Native::Boolean32) => to.copy_from_slice(&i32::from(from[0] != 0).to_le_bytes()),
+            (VariableKind::Number(element), Native::Int32) if element != Element::I32 => {
                 let value = element.to_integer(from);
                 let short = i32::try_from(value).map_err(|_| {
                     Refusal::error(format!(
@@ -173,7 +173,7 @@ impl Kind {
     ///
     /// # Errors
     /// A number that is not finite, or does not fit into the element.
-    pub fn take(self, from: &[u8], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
+    pub fn element_from_native(self, from: &[u8], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
         if let (true, Native::Float64 | Native::Float32) = (self.is_float(), native) {
             let element = if native == Native::Float64 {
                 Element::F64
@@ -181,7 +181,7 @@ impl Kind {
                 Element::F32
             };
             let value = element.to_f64(from);
-            let small = self == Kind::Number(Element::F32) && value.abs() > f64::from(f32::MAX);
+            let small = self == VariableKind::Number(Element::F32) && value.abs() > f64::from(f32::MAX);
             if !value.is_finite() || small {
                 return Err(Refusal::discard(format!(
                     "cannot be set to {value}: a value must be finite"
@@ -190,10 +190,10 @@ impl Kind {
         }
         let size = self.size();
         match (self, native) {
-            (Kind::Number(Element::F32), Native::Float64) => {
+            (VariableKind::Number(Element::F32), Native::Float64) => {
                 Element::F32.put(Element::F64.to_f64(from), &mut to[..size])
             }
-            (Kind::Enumeration, Native::Int32 | Native::Int64) => {
+            (VariableKind::Enumeration, Native::Int32 | Native::Int64) => {
                 // The field checks which values are valid; a value above one byte is always invalid.
                 if from[1..].iter().any(|byte| *byte != 0) {
                     let refused = "cannot be set to a number that is no item of its enumeration";
@@ -201,9 +201,9 @@ impl Kind {
                 }
                 to[0] = from[0];
             }
-            (Kind::Boolean, Native::Boolean32) => to[0] = u8::from(from.iter().any(|byte| *byte != 0)),
-            (Kind::Boolean, Native::Boolean8) => to[0] = u8::from(from[0] != 0),
-            (Kind::Number(element), Native::Int32) if element != Element::I32 => {
+            (VariableKind::Boolean, Native::Boolean32) => to[0] = u8::from(from.iter().any(|byte| *byte != 0)),
+            (VariableKind::Boolean, Native::Boolean8) => to[0] = u8::from(from[0] != 0),
+            (VariableKind::Number(element), Native::Int32) if element != Element::I32 => {
                 let value = i128::from(i32::from_le_bytes([from[0], from[1], from[2], from[3]]));
                 if element
                     .range()
@@ -225,16 +225,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_numbers_pass_or_are_refused() {
+    fn integer_conversion_is_exact_or_refused() {
         let mut to = [0; 4];
-        let give = |element: Element, bytes: &[u8], to: &mut [u8]| Kind::Number(element).give(bytes, Native::Int32, to);
+        let give = |element: Element, bytes: &[u8], to: &mut [u8]| {
+            VariableKind::Number(element).to_native(bytes, Native::Int32, to)
+        };
         give(Element::I64, &(-7_i64).to_le_bytes(), &mut to).unwrap();
         assert_eq!(i32::from_le_bytes(to), -7);
         give(Element::U8, &[200], &mut to).unwrap();
         assert_eq!(i32::from_le_bytes(to), 200);
         assert!(give(Element::U32, &u32::MAX.to_le_bytes(), &mut to).is_err());
         let mut byte = [0];
-        let take = |value: i32, to: &mut [u8]| Kind::Number(Element::U8).take(&value.to_le_bytes(), Native::Int32, to);
+        let take = |value: i32, to: &mut [u8]| {
+            VariableKind::Number(Element::U8).element_from_native(&value.to_le_bytes(), Native::Int32, to)
+        };
         take(255, &mut byte).unwrap();
         assert_eq!(byte, [255]);
         assert_eq!(
@@ -243,25 +247,26 @@ mod tests {
         );
         assert!(take(-1, &mut byte).is_err());
         let mut long = [0; 8];
-        Kind::Number(Element::I64)
-            .take(&(-2_i32).to_le_bytes(), Native::Int32, &mut long)
+        VariableKind::Number(Element::I64)
+            .element_from_native(&(-2_i32).to_le_bytes(), Native::Int32, &mut long)
             .unwrap();
         assert_eq!(i64::from_le_bytes(long), -2);
     }
 
     #[test]
-    fn numbers_that_are_not_finite_are_discarded() {
+    fn non_finite_numbers_are_discarded() {
         let mut to = [0; 8];
         for (element, value) in [
             (Element::F64, f64::NAN),
             (Element::F64, f64::INFINITY),
             (Element::F32, 1e300),
         ] {
-            let refused = Kind::Number(element).take(&value.to_le_bytes(), Native::Float64, &mut to);
+            let refused =
+                VariableKind::Number(element).element_from_native(&value.to_le_bytes(), Native::Float64, &mut to);
             assert_eq!(refused.unwrap_err().status, crate::refusal::Status::Discard, "{value}");
         }
-        Kind::Number(Element::F32)
-            .take(&0.1_f64.to_le_bytes(), Native::Float64, &mut to)
+        VariableKind::Number(Element::F32)
+            .element_from_native(&0.1_f64.to_le_bytes(), Native::Float64, &mut to)
             .unwrap();
         assert_eq!(to[..4], 0.1_f32.to_le_bytes());
     }

@@ -7,7 +7,7 @@
 //! - [`manifest`](crate::Manifest): the content of the resources; `model`: builds what runs from them;
 //! - `variable`, `parameter`, `kind`, `unit`: the importer's view; `describe`: that view as XML;
 //! - `body`: what is stepped: `single`, one participant, or `whole`, a scenario;
-//! - `instance`: the life cycle of an instance; `two`, `three`, `call`: the C functions.
+//! - `instance`: the life cycle of an instance; `fmi2`, `fmi3`, `call`: the C functions.
 
 mod body;
 #[doc(hidden)]
@@ -16,6 +16,10 @@ pub mod call;
 pub mod command;
 mod describe;
 mod export;
+#[doc(hidden)]
+pub mod fmi2;
+#[doc(hidden)]
+pub mod fmi3;
 mod functions;
 mod instance;
 mod kind;
@@ -27,10 +31,6 @@ mod pack;
 mod parameter;
 mod refusal;
 mod single;
-#[doc(hidden)]
-pub mod three;
-#[doc(hidden)]
-pub mod two;
 mod unit;
 mod usage;
 mod variable;
@@ -52,6 +52,6 @@ pub mod __private {
     pub use crate::call::{self, Pointer};
     pub use crate::command::{self, Say};
     pub use crate::kind::Native;
-    pub use crate::log::LoggerThree;
-    pub use crate::{three, two};
+    pub use crate::log::LoggerFmi3;
+    pub use crate::{fmi2, fmi3};
 }

@@ -43,7 +43,7 @@ pub struct Manifest {
 impl Manifest {
     /// The version of the standard.
     pub fn version(&self) -> Version {
-        if self.fmi == 3 { Version::Three } else { Version::Two }
+        if self.fmi == 3 { Version::Fmi3 } else { Version::Fmi2 }
     }
 }
 

@@ -6,9 +6,9 @@ use lockstep::time::Rational;
 use crate::body::Body;
 use crate::manifest::{Content, Manifest};
 use crate::parameter::{Parameter, parameters};
-use crate::single::Single;
+use crate::single::ParticipantBody;
 use crate::variable::{Variable, variables};
-use crate::whole::Whole;
+use crate::whole::ScenarioBody;
 
 /// Everything of an FMU except its life cycle.
 pub struct Model {
@@ -25,7 +25,7 @@ pub struct Model {
     /// The end of the experiment.
     pub stop: Option<Rational>,
     /// Whether its state can be saved.
-    pub saves: bool,
+    pub can_save_state: bool,
 }
 
 impl Model {
@@ -49,7 +49,7 @@ impl Model {
             .cloned();
         let entry = entry.ok_or_else(|| format!("there is no participant `{name}` in its scenario"))?;
         let duration = scenario.duration;
-        let single = Single::new(scenario, entry)?;
+        let single = ParticipantBody::new(scenario, entry)?;
         let (table, seed) = single.parameters();
         let parameters = parameters(table, seed);
         let variables = variables(manifest.version(), single.ports(), &parameters);
@@ -60,12 +60,12 @@ impl Model {
             body: Box::new(single),
             parameters,
             variables,
-            saves: manifest.state,
+            can_save_state: manifest.state,
         })
     }
 
     fn of_scenario(manifest: &Manifest, scenario: Scenario) -> Result<Model, String> {
-        let whole = Whole::new(scenario, &manifest.inputs, &manifest.outputs, manifest.state)?;
+        let whole = ScenarioBody::new(scenario, &manifest.inputs, &manifest.outputs, manifest.state)?;
         Ok(Model {
             period: whole.period(),
             start: Rational::ZERO,
@@ -73,7 +73,7 @@ impl Model {
             variables: variables(manifest.version(), whole.ports(), &[]),
             body: Box::new(whole),
             parameters: Vec::new(),
-            saves: manifest.state,
+            can_save_state: manifest.state,
         })
     }
 }

@@ -5,7 +5,7 @@ use lockstep::units;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-use crate::kind::Kind;
+use crate::kind::VariableKind;
 use crate::unit;
 
 /// The longest text that is exported as a parameter, bytes: the contents of files are not.
@@ -19,24 +19,24 @@ pub struct Parameter {
     /// `parameters.gains.kp`, or `seed`.
     pub name: String,
     /// Its type.
-    pub kind: Kind,
+    pub kind: VariableKind,
     /// Its extents; empty for a number.
     pub extents: Vec<u32>,
     /// Its unit; `1` without one.
     pub unit: String,
     /// The present value.
-    pub held: Held,
+    pub value: ParameterValue,
     /// Whether the value differs from that of the scenario.
     pub changed: bool,
 }
 
-fn number() -> Kind {
-    Kind::Number(Element::F64)
+fn number() -> VariableKind {
+    VariableKind::Number(Element::F64)
 }
 
 /// A value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum Held {
+pub enum ParameterValue {
     /// As the elements of a payload.
     Bytes(Vec<u8>),
     /// A text.
@@ -44,13 +44,13 @@ pub enum Held {
 }
 
 impl Parameter {
-    fn new(name: String, kind: Kind, extents: Vec<u32>, unit: &str, held: Held) -> Parameter {
+    fn new(name: String, kind: VariableKind, extents: Vec<u32>, unit: &str, value: ParameterValue) -> Parameter {
         Parameter {
             name,
             kind,
             extents,
             unit: unit.to_owned(),
-            held,
+            value,
             changed: false,
         }
     }
@@ -61,18 +61,18 @@ impl Parameter {
     }
 
     /// The value as a scenario states it.
-    fn value(&self) -> Value {
-        let bytes = match &self.held {
-            Held::Text(text) => return Value::String(text.clone()),
-            Held::Bytes(bytes) => bytes,
+    fn to_toml(&self) -> Value {
+        let bytes = match &self.value {
+            ParameterValue::Text(text) => return Value::String(text.clone()),
+            ParameterValue::Bytes(bytes) => bytes,
         };
         let size = self.kind.size();
         let one = |bytes: &[u8]| match self.kind {
-            Kind::Boolean => Value::Boolean(bytes[0] != 0),
-            Kind::Number(Element::F64) => Value::Float(Element::F64.to_f64(bytes)),
-            Kind::Number(element) => Value::Integer(element.to_integer(bytes) as i64),
+            VariableKind::Boolean => Value::Boolean(bytes[0] != 0),
+            VariableKind::Number(Element::F64) => Value::Float(Element::F64.to_f64(bytes)),
+            VariableKind::Number(element) => Value::Integer(element.to_integer(bytes) as i64),
             // Not exported as a parameter.
-            Kind::Enumeration | Kind::Text | Kind::Content(_) => Value::String(String::new()),
+            VariableKind::Enumeration | VariableKind::Text | VariableKind::Content(_) => Value::String(String::new()),
         };
         let all: Vec<Value> = bytes.chunks_exact(size).map(one).collect();
         if unit::is_unit(&self.unit) {
@@ -102,7 +102,7 @@ impl Parameter {
             };
             (table, rest) = (inner, tail);
         }
-        table.insert(rest.to_owned(), self.value());
+        table.insert(rest.to_owned(), self.to_toml());
     }
 }
 
@@ -116,29 +116,29 @@ pub fn parameters(parameters: &Table, seed: u64) -> Vec<Parameter> {
     let mut all = Vec::new();
     // FMI 2.0 has no larger numbers; export another seed with --set.
     if let Ok(seed) = i32::try_from(seed) {
-        let held = Held::Bytes(seed.to_le_bytes().to_vec());
+        let value = ParameterValue::Bytes(seed.to_le_bytes().to_vec());
         all.push(Parameter::new(
             SEED.into(),
-            Kind::Number(Element::I32),
+            VariableKind::Number(Element::I32),
             Vec::new(),
             "1",
-            held,
+            value,
         ));
     }
-    walk(PREFIX.trim_end_matches('.'), parameters, &mut all);
+    collect_parameters(PREFIX.trim_end_matches('.'), parameters, &mut all);
     all
 }
 
 /// The seed in `all`.
 pub fn seed_of(all: &[Parameter], seed: u64) -> Result<u64, String> {
-    let Some(Held::Bytes(bytes)) = all.iter().find(|one| one.name == SEED).map(|one| &one.held) else {
+    let Some(ParameterValue::Bytes(bytes)) = all.iter().find(|one| one.name == SEED).map(|one| &one.value) else {
         return Ok(seed);
     };
     let value = Element::I32.to_integer(bytes);
     u64::try_from(value).map_err(|_| format!("the seed is {value}; it must not be negative"))
 }
 
-fn walk(path: &str, table: &Table, all: &mut Vec<Parameter>) {
+fn collect_parameters(path: &str, table: &Table, all: &mut Vec<Parameter>) {
     for (key, value) in table {
         // A dot in a key would be read as that of a table.
         if key.contains('.') {
@@ -146,7 +146,7 @@ fn walk(path: &str, table: &Table, all: &mut Vec<Parameter>) {
         }
         let name = format!("{path}.{key}");
         match value {
-            Value::Table(inner) => walk(&name, inner, all),
+            Value::Table(inner) => collect_parameters(&name, inner, all),
             value => all.extend(parameter(name, value)),
         }
     }
@@ -154,13 +154,17 @@ fn walk(path: &str, table: &Table, all: &mut Vec<Parameter>) {
 
 fn parameter(name: String, value: &Value) -> Option<Parameter> {
     Some(match value {
-        Value::Boolean(flag) => {
-            Parameter::new(name, Kind::Boolean, Vec::new(), "1", Held::Bytes(vec![u8::from(*flag)]))
-        }
+        Value::Boolean(flag) => Parameter::new(
+            name,
+            VariableKind::Boolean,
+            Vec::new(),
+            "1",
+            ParameterValue::Bytes(vec![u8::from(*flag)]),
+        ),
         Value::Integer(whole) => {
             let short = i32::try_from(*whole).ok()?;
-            let held = Held::Bytes(short.to_le_bytes().to_vec());
-            Parameter::new(name, Kind::Number(Element::I32), Vec::new(), "1", held)
+            let value = ParameterValue::Bytes(short.to_le_bytes().to_vec());
+            Parameter::new(name, VariableKind::Number(Element::I32), Vec::new(), "1", value)
         }
         Value::Float(number) => doubles(name, &[*number], Vec::new(), "1")?,
         Value::String(text) => match quantity(text) {
@@ -172,9 +176,13 @@ fn parameter(name: String, value: &Value) -> Option<Parameter> {
                 };
                 doubles(name, &values, extents, unit)?
             }
-            None if text.len() <= TEXT_MAX && !text.contains(['\n', '\r', '\0']) => {
-                Parameter::new(name, Kind::Text, Vec::new(), "1", Held::Text(text.clone()))
-            }
+            None if text.len() <= TEXT_MAX && !text.contains(['\n', '\r', '\0']) => Parameter::new(
+                name,
+                VariableKind::Text,
+                Vec::new(),
+                "1",
+                ParameterValue::Text(text.clone()),
+            ),
             None => return None,
         },
         Value::Array(values) => {
@@ -194,8 +202,8 @@ fn quantity(text: &str) -> Option<(&str, (Vec<f64>, bool))> {
 
 fn doubles(name: String, values: &[f64], extents: Vec<u32>, unit: &str) -> Option<Parameter> {
     let good = !values.is_empty() && values.len() <= LIST_MAX && values.iter().all(|value| value.is_finite());
-    let held = Held::Bytes(values.iter().flat_map(|value| value.to_le_bytes()).collect());
-    good.then(|| Parameter::new(name, number(), extents, unit, held))
+    let value = ParameterValue::Bytes(values.iter().flat_map(|value| value.to_le_bytes()).collect());
+    good.then(|| Parameter::new(name, number(), extents, unit, value))
 }
 
 /// A list of numbers, or of lists with equal numbers of elements.
@@ -223,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_come_back_as_they_stand_in_the_scenario() {
+    fn parameter_values_match_scenario_text() {
         let text = "a = 0.1\nb = 7\nc = true\nd = \"2.5 mm\"\ne = \"[1, 2.5] rad/s\"\nf = \"spherical\"\ng = [[1.0, 2.0], [3.0, 4.0]]\n\
                     h = { i = \"30 Hz\" }\nj = \"\"\"\nlong\n\"\"\"";
         let table: Table = text.parse().unwrap();
@@ -245,7 +253,7 @@ mod tests {
         assert_eq!(back["d"].as_str(), Some("2.5 mm"));
         assert_eq!(back["e"].as_str(), Some("[1.0, 2.5] rad/s"));
         assert_eq!(back["h"]["i"].as_str(), Some("30.0 Hz"));
-        all[4].held = Held::Bytes(3.0_f64.to_le_bytes().to_vec());
+        all[4].value = ParameterValue::Bytes(3.0_f64.to_le_bytes().to_vec());
         all[4].put(&mut back);
         assert_eq!(back["d"].as_str(), Some("3.0 mm"));
         assert_eq!(seed_of(&all, 9), Ok(5));

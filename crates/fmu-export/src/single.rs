@@ -21,7 +21,7 @@ use crate::variable::{Port, Ports};
 /// A sampled one computes its outputs at t from the inputs at t, which the importer may set until it reads the outputs or continues. So its
 /// activation at t is executed when outputs are read, or at the next step; if an input is set after outputs were read, the activation is
 /// undone and repeated.
-pub struct Single {
+pub struct ParticipantBody {
     scenario: Scenario,
     entry: Entry,
     interface: Interface,
@@ -30,9 +30,9 @@ pub struct Single {
     running: Option<Running>,
     lines: Lines,
     /// The parameters with which it was begun.
-    begun_with: Vec<Parameter>,
+    start_parameters: Vec<Parameter>,
     /// The outputs before it has begun.
-    nothing: Vec<Payload>,
+    zero_outputs: Vec<Payload>,
 }
 
 struct Running {
@@ -44,7 +44,7 @@ struct Running {
     period: f64,
     /// The next activation; if there is an `early`, it has already been executed.
     next: u64,
-    early: Option<Early>,
+    early: Option<BeforeEarlyStep>,
 }
 
 impl Drop for Running {
@@ -55,7 +55,7 @@ impl Drop for Running {
 }
 
 /// The state and outputs before an activation that was executed early because its outputs were read.
-struct Early {
+struct BeforeEarlyStep {
     /// None when the participant cannot be saved.
     state: Option<Vec<u8>>,
     outputs: Vec<Payload>,
@@ -78,12 +78,12 @@ struct SavedRun {
     state: Vec<u8>,
 }
 
-impl Single {
+impl ParticipantBody {
     /// Creates the participant of `entry` in `scenario`.
     ///
     /// # Errors
     /// The reason why it cannot be created.
-    pub fn new(scenario: Scenario, entry: Entry) -> Result<Single, String> {
+    pub fn new(scenario: Scenario, entry: Entry) -> Result<ParticipantBody, String> {
         let interface = make(&scenario, &entry)?.interface();
         let port = |name: &String, descriptor: &Descriptor| Port {
             name: name.clone(),
@@ -105,12 +105,12 @@ impl Single {
             feedthrough: sampled,
             discrete: sampled,
         };
-        let nothing = interface
+        let zero_outputs = interface
             .outputs
             .iter()
             .map(|one| Payload::zeroed(one.descriptor.size as usize))
             .collect();
-        Ok(Single {
+        Ok(ParticipantBody {
             scenario,
             entry,
             inputs: Inputs::zeroed(&interface),
@@ -118,8 +118,8 @@ impl Single {
             ports,
             running: None,
             lines: Lines::default(),
-            begun_with: Vec::new(),
-            nothing,
+            start_parameters: Vec::new(),
+            zero_outputs,
         })
     }
 
@@ -159,7 +159,7 @@ fn payloads(outputs: &mut Outputs, count: usize) -> Vec<Payload> {
     (0..count).map(copy).collect()
 }
 
-fn put_back(outputs: &mut Outputs, payloads: &[Payload]) {
+fn restore_outputs(outputs: &mut Outputs, payloads: &[Payload]) {
     for (port, payload) in payloads.iter().enumerate() {
         outputs.bytes_mut(port).copy_from_slice(payload.bytes());
     }
@@ -214,11 +214,11 @@ impl Running {
                     )
                 })?;
                 self.participant.restore(state).map_err(|failure| failure.to_string())?;
-                put_back(&mut self.outputs, &early.outputs);
-                self.early = Some(Early { stale: false, ..early });
+                restore_outputs(&mut self.outputs, &early.outputs);
+                self.early = Some(BeforeEarlyStep { stale: false, ..early });
             }
             None => {
-                self.early = Some(Early {
+                self.early = Some(BeforeEarlyStep {
                     state: self.participant.save(),
                     outputs: payloads(&mut self.outputs, interface.outputs.len()),
                     stale: false,
@@ -229,7 +229,7 @@ impl Running {
     }
 
     /// One step to the next instant.
-    fn on(&mut self, interface: &Interface, inputs: &Inputs) -> Result<(), String> {
+    fn step_once(&mut self, interface: &Interface, inputs: &Inputs) -> Result<(), String> {
         match &self.early {
             Some(_) => {
                 self.evaluate(interface, inputs)?;
@@ -242,7 +242,7 @@ impl Running {
     }
 }
 
-impl Body for Single {
+impl Body for ParticipantBody {
     fn ports(&self) -> &Ports {
         &self.ports
     }
@@ -282,11 +282,11 @@ impl Body for Single {
         running
             .outputs
             .set_log(Log::new(&entry.setup.name, Some(Arc::new(self.lines.clone()))).at(t));
-        let begun = running.participant.initialise(t, &mut running.outputs);
-        begun.map_err(|failure| format!("it cannot be initialised at t = {t} s: {failure}"))?;
+        let initialised = running.participant.initialise(t, &mut running.outputs);
+        initialised.map_err(|failure| format!("it cannot be initialised at t = {t} s: {failure}"))?;
         running.check(&self.interface, t)?;
         self.running = Some(running);
-        self.begun_with = parameters.to_vec();
+        self.start_parameters = parameters.to_vec();
         Ok(())
     }
 
@@ -315,7 +315,7 @@ impl Body for Single {
 
     fn output(&mut self, port: usize) -> Result<&[u8], String> {
         let Some(running) = &mut self.running else {
-            return Ok(self.nothing[port].bytes());
+            return Ok(self.zero_outputs[port].bytes());
         };
         if self.interface.kind == Kind::Sampled {
             running.evaluate(&self.interface, &self.inputs)?;
@@ -331,14 +331,14 @@ impl Body for Single {
         let Some(running) = &mut self.running else {
             return Err(Refusal::error("it is not initialised"));
         };
-        let count = body::steps(running.now(), running.period, from, span)?;
+        let count = body::whole_steps(running.now(), running.period, from, span)?;
         for _ in 0..count {
-            running.on(&self.interface, &self.inputs)?;
+            running.step_once(&self.interface, &self.inputs)?;
         }
         Ok(())
     }
 
-    fn said(&mut self) -> Vec<String> {
+    fn take_log_lines(&mut self) -> Vec<String> {
         self.lines.take()
     }
 
@@ -373,7 +373,10 @@ impl Body for Single {
             running,
         };
         let bytes = wire::encode("the state of a participant", &saved).map_err(|error| error.to_string())?;
-        Ok(State { bytes, kept: None })
+        Ok(State {
+            bytes,
+            checkpoint: None,
+        })
     }
 
     fn restore(&mut self, parameters: &[Parameter], state: &State) -> Result<(), String> {
@@ -391,7 +394,7 @@ impl Body for Single {
                 if sizes(&run.outputs) != outputs.collect::<Vec<_>>() {
                     return Err("the state has outputs of other sizes: it is another FMU's".into());
                 }
-                let same = self.begun_with == parameters;
+                let same = self.start_parameters == parameters;
                 if !same || self.running.as_ref().is_none_or(|running| running.start != run.start) {
                     self.begin(parameters, run.start)?;
                 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use lockstep::port::Element;
 use toml::Value;
 
-use crate::describe::About;
+use crate::describe::ModelInfo;
 use crate::kind::Version;
 use crate::model::Model;
 use crate::unit;
@@ -17,8 +17,8 @@ fn text(text: &str) -> String {
 }
 
 /// One line that describes it.
-pub fn summary(about: &About, model: &Model) -> String {
-    let version = if about.version == Version::Three { "3.0" } else { "2.0" };
+pub fn summary(about: &ModelInfo, model: &Model) -> String {
+    let version = if about.version == Version::Fmi3 { "3.0" } else { "2.0" };
     let state = if about.state {
         "saves its state"
     } else {
@@ -32,7 +32,7 @@ pub fn summary(about: &About, model: &Model) -> String {
 }
 
 /// The scenario entry in which the FMU replaces the participant `name`, port by port, with those `inputs` that are fed.
-pub fn entry(name: &str, file: &Path, about: &About, model: &Model, inputs: &[String]) -> String {
+pub fn entry(name: &str, file: &Path, about: &ModelInfo, model: &Model, inputs: &[String]) -> String {
     let ports = model.body.ports();
     let inputs: Vec<&Port> = ports.inputs.iter().filter(|port| inputs.contains(&port.name)).collect();
     let full = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
@@ -70,7 +70,7 @@ fn fields(version: Version, port: &Port) -> Vec<String> {
     let one = |field: &lockstep::port::Field| {
         let whole = format!("{}.{}", port.name, field.name);
         let variable = match (version, field.shape.as_slice()) {
-            (Version::Two, [_, ..]) => {
+            (Version::Fmi2, [_, ..]) => {
                 let elements = (0..field.len()).map(|number| text(&format!("{whole}[{number}]")));
                 format!("[{}]", elements.collect::<Vec<_>>().join(", "))
             }
@@ -84,7 +84,7 @@ fn fields(version: Version, port: &Port) -> Vec<String> {
             let _ = write!(entry, ", size = {room}");
         }
         // FMI 2.0 has one type for all integers.
-        if version == Version::Two
+        if version == Version::Fmi2
             && field.element.is_number()
             && field.element.range().is_some()
             && field.element != Element::I32

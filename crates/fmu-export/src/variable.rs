@@ -2,13 +2,13 @@
 
 use lockstep::port::{Descriptor, Element, EnumValue};
 
-use crate::kind::{Kind, Version};
+use crate::kind::{VariableKind, Version};
 use crate::parameter::Parameter;
 use crate::refusal::Refusal;
 
 /// The location of a variable's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum ValueLocation {
     /// The present time.
     Time,
     /// The parameter of this number.
@@ -29,9 +29,9 @@ pub struct Variable {
     /// Its description.
     pub description: String,
     /// The location of its value.
-    pub place: Place,
+    pub place: ValueLocation,
     /// Its type.
-    pub kind: Kind,
+    pub kind: VariableKind,
     /// The items of an enumeration.
     pub items: Vec<EnumValue>,
     /// Its extents; empty for a scalar.
@@ -51,7 +51,7 @@ impl Variable {
     /// The rejected value and the valid ones.
     pub fn check(&self, element: &[u8]) -> Result<(), Refusal> {
         let byte = element.first().copied().unwrap_or_default();
-        if self.kind != Kind::Enumeration || self.items.iter().any(|item| item.value == byte) {
+        if self.kind != VariableKind::Enumeration || self.items.iter().any(|item| item.value == byte) {
             return Ok(());
         }
         Err(Refusal::discard(format!(
@@ -88,12 +88,12 @@ pub struct Ports {
 pub fn variables(version: Version, ports: &Ports, parameters: &[Parameter]) -> Vec<Variable> {
     let mut all = Vec::new();
     // FMI 3.0 requires it; in FMI 2.0 the parsers of many tools report an error for it.
-    if version == Version::Three {
+    if version == Version::Fmi3 {
         all.push(Variable {
             name: "time".into(),
             description: "Simulated time".into(),
-            place: Place::Time,
-            kind: Kind::Number(Element::F64),
+            place: ValueLocation::Time,
+            kind: VariableKind::Number(Element::F64),
             items: Vec::new(),
             extents: Vec::new(),
             len: 1,
@@ -105,7 +105,7 @@ pub fn variables(version: Version, ports: &Ports, parameters: &[Parameter]) -> V
         let whole = Variable {
             name: parameter.name.clone(),
             description: String::new(),
-            place: Place::Parameter(number),
+            place: ValueLocation::Parameter(number),
             kind: parameter.kind,
             items: Vec::new(),
             extents: parameter.extents.clone(),
@@ -113,20 +113,22 @@ pub fn variables(version: Version, ports: &Ports, parameters: &[Parameter]) -> V
             unit: parameter.unit.clone(),
             first: 0,
         };
-        push(version, &mut all, whole, |first| (Place::Parameter(number), first));
+        push(version, &mut all, whole, |first| {
+            (ValueLocation::Parameter(number), first)
+        });
     }
     for (number, port) in ports.inputs.iter().enumerate() {
-        fields(version, &mut all, port, |at| Place::Input(number, at));
+        fields(version, &mut all, port, |at| ValueLocation::Input(number, at));
     }
     for (number, port) in ports.outputs.iter().enumerate() {
-        fields(version, &mut all, port, |at| Place::Output(number, at));
+        fields(version, &mut all, port, |at| ValueLocation::Output(number, at));
     }
     for (number, (name, unit)) in ports.figures.iter().enumerate() {
         all.push(Variable {
             name: format!("figures.{name}"),
             description: "Figure of merit of what has been simulated so far; NaN where it is not known".into(),
-            place: Place::Figure(number),
-            kind: Kind::Number(Element::F64),
+            place: ValueLocation::Figure(number),
+            kind: VariableKind::Number(Element::F64),
             items: Vec::new(),
             extents: Vec::new(),
             len: 1,
@@ -137,7 +139,7 @@ pub fn variables(version: Version, ports: &Ports, parameters: &[Parameter]) -> V
     all
 }
 
-fn fields(version: Version, all: &mut Vec<Variable>, port: &Port, place: impl Fn(usize) -> Place) {
+fn fields(version: Version, all: &mut Vec<Variable>, port: &Port, place: impl Fn(usize) -> ValueLocation) {
     for field in &port.descriptor.fields {
         let (offset, size) = (field.offset as usize, field.element.size());
         let description = if field.frame.is_empty() {
@@ -153,7 +155,7 @@ fn fields(version: Version, all: &mut Vec<Variable>, port: &Port, place: impl Fn
             name: format!("{}.{}", port.name, field.name),
             description,
             place: place(offset),
-            kind: Kind::of(field.element),
+            kind: VariableKind::of(field.element),
             items: field.values.clone(),
             extents: field.shape.clone(),
             len: field.len(),
@@ -165,8 +167,8 @@ fn fields(version: Version, all: &mut Vec<Variable>, port: &Port, place: impl Fn
 }
 
 /// Adds an array: one variable in FMI 3.0, one per element in FMI 2.0, which has only scalars.
-fn push(version: Version, all: &mut Vec<Variable>, whole: Variable, element: impl Fn(usize) -> (Place, usize)) {
-    if version == Version::Three || whole.extents.is_empty() {
+fn push(version: Version, all: &mut Vec<Variable>, whole: Variable, element: impl Fn(usize) -> (ValueLocation, usize)) {
+    if version == Version::Fmi3 || whole.extents.is_empty() {
         all.push(whole);
         return;
     }
@@ -213,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn array_is_one_variable_or_its_elements() {
+    fn array_becomes_one_variable_or_scalars() {
         let port = Port {
             name: "out".into(),
             descriptor: Some::descriptor(),
@@ -222,14 +224,14 @@ mod tests {
             outputs: vec![port],
             ..Ports::default()
         };
-        let three = variables(Version::Three, &ports, &[]);
+        let three = variables(Version::Fmi3, &ports, &[]);
         let names: Vec<&str> = three.iter().map(|one| one.name.as_str()).collect();
         assert_eq!(names, ["time", "out.matrix", "out.number", "out.single"]);
         assert_eq!((three[1].extents.as_slice(), three[1].len), (&[2, 3][..], 6));
-        let two = variables(Version::Two, &ports, &[]);
+        let two = variables(Version::Fmi2, &ports, &[]);
         assert_eq!(two.len(), 8);
         assert_eq!(two[5].name, "out.matrix[1][2]");
-        assert_eq!(two[5].place, Place::Output(0, 40));
-        assert_eq!(two[6].place, Place::Output(0, 48));
+        assert_eq!(two[5].place, ValueLocation::Output(0, 40));
+        assert_eq!(two[6].place, ValueLocation::Output(0, 48));
     }
 }

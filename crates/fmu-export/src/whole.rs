@@ -20,15 +20,15 @@ use crate::variable::{Port, Ports};
 ///
 /// An output at T is its newest sample stamped at or before T: for a continuous participant the one at T, if it has one there; for a
 /// sampled one the one before T, because its activation at T belongs to the step that begins there.
-pub struct Whole {
+pub struct ScenarioBody {
     scenario: Scenario,
     plan: Plan,
     ports: Ports,
     keys: Vec<String>,
-    saves: bool,
+    can_save_state: bool,
     inputs: Vec<Payload>,
     /// The inputs that the run was given, replayed when another instance restores a state.
-    history: Vec<Told>,
+    history: Vec<InputChange>,
     /// Inputs that differ from those the run was given.
     changed: Vec<bool>,
     outputs: Vec<Payload>,
@@ -41,9 +41,9 @@ pub struct Whole {
     now: Ticks,
 }
 
-/// Values set at an instant.
+/// The value of an input, set at an instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Told {
+struct InputChange {
     at: Ticks,
     input: u64,
     payload: Vec<u8>,
@@ -60,15 +60,20 @@ struct Saved {
 struct SavedRun {
     start: f64,
     now: Ticks,
-    history: Vec<Told>,
+    history: Vec<InputChange>,
 }
 
-impl Whole {
+impl ScenarioBody {
     /// Prepares the `scenario` with these inputs and outputs.
     ///
     /// # Errors
     /// The reason why it cannot run in one loop, or a port that does not exist.
-    pub fn new(scenario: Scenario, inputs: &[String], outputs: &[String], saves: bool) -> Result<Whole, String> {
+    pub fn new(
+        scenario: Scenario,
+        inputs: &[String],
+        outputs: &[String],
+        can_save_state: bool,
+    ) -> Result<ScenarioBody, String> {
         let known = check_here(&scenario).map_err(|error| error.to_string())?;
         let outside = scenario
             .participants
@@ -102,7 +107,7 @@ impl Whole {
                 .map(|one| Payload::zeroed(one.descriptor.size as usize))
                 .collect::<Vec<_>>()
         };
-        Ok(Whole {
+        Ok(ScenarioBody {
             inputs: zeros(&ports.inputs),
             outputs: zeros(&ports.outputs),
             changed: vec![false; ports.inputs.len()],
@@ -116,7 +121,7 @@ impl Whole {
             scenario,
             plan,
             ports,
-            saves,
+            can_save_state,
             grids,
         })
     }
@@ -135,8 +140,12 @@ impl Whole {
         self.plan.timebase
     }
 
-    fn fresh(&self) -> Result<Run, String> {
-        let record = if self.saves { Record::Memory } else { Record::Nothing };
+    fn start_run(&self) -> Result<Run, String> {
+        let record = if self.can_save_state {
+            Record::Memory
+        } else {
+            Record::Nothing
+        };
         let options = Options {
             in_process: true,
             record,
@@ -169,7 +178,7 @@ impl Whole {
     }
 
     /// Reads outputs at `to` while advancing the run to it.
-    fn go(&mut self, to: Ticks) -> Result<(), String> {
+    fn advance_to(&mut self, to: Ticks) -> Result<(), String> {
         // A continuous output may have a sample stamped later than `to`: its newest sample at or before `to` is read on the way.
         let due: Vec<Option<Ticks>> = self.grids.iter().map(|grid| due(*grid, to)).collect();
         let mut stops: Vec<Ticks> = due
@@ -204,8 +213,8 @@ impl Whole {
         }
     }
 
-    /// Passes on the inputs that were set.
-    fn tell(&mut self) -> Result<(), String> {
+    /// Passes the changed inputs to the run.
+    fn apply_inputs(&mut self) -> Result<(), String> {
         for number in 0..self.inputs.len() {
             if !std::mem::take(&mut self.changed[number]) {
                 continue;
@@ -217,33 +226,33 @@ impl Whole {
             self.run()?
                 .set_bytes(&name, &payload)
                 .map_err(|failure| failure.to_string())?;
-            if self.saves {
+            if self.can_save_state {
                 let (at, input) = (self.now, number as u64);
-                self.history.push(Told { at, input, payload });
+                self.history.push(InputChange { at, input, payload });
             }
         }
         Ok(())
     }
 
     /// Restarts, and replays `history` up to `now`.
-    fn play(&mut self, run: SavedRun) -> Result<(), String> {
+    fn replay(&mut self, run: SavedRun) -> Result<(), String> {
         self.begin(&[], Rational::ZERO)?;
         self.start = run.start;
-        for told in run.history {
-            let number = usize::try_from(told.input)
+        for change in run.history {
+            let number = usize::try_from(change.input)
                 .ok()
                 .filter(|number| *number < self.inputs.len());
-            let number = number.filter(|number| self.inputs[*number].bytes().len() == told.payload.len());
+            let number = number.filter(|number| self.inputs[*number].bytes().len() == change.payload.len());
             let number = number.ok_or("the state has inputs of another FMU")?;
-            if told.at > self.now {
-                self.go(told.at)?;
+            if change.at > self.now {
+                self.advance_to(change.at)?;
             }
-            self.inputs[number].bytes_mut().copy_from_slice(&told.payload);
+            self.inputs[number].bytes_mut().copy_from_slice(&change.payload);
             self.changed[number] = true;
-            self.tell()?;
+            self.apply_inputs()?;
         }
         if run.now > self.now {
-            self.go(run.now)?;
+            self.advance_to(run.now)?;
         }
         // These lines were logged when this was first executed.
         self.lines.take();
@@ -277,7 +286,10 @@ fn input(plan: &Plan, name: &str) -> Result<Port, String> {
                 .filter(|(at, _)| own.inputs[*at].is_empty());
             free.map(|(_, one)| format!("`{}.{}`", own.name, one.name))
         });
-        return Err(format!("there is no input `{name}`; nothing feeds {}", listed(all)));
+        return Err(format!(
+            "there is no input `{name}`; nothing feeds {}",
+            joined_names(all)
+        ));
     };
     if let Some(&link) = own.inputs[at].first() {
         let link = &plan.links[link];
@@ -292,7 +304,7 @@ fn input(plan: &Plan, name: &str) -> Result<Port, String> {
     })
 }
 
-fn listed(all: impl Iterator<Item = String>) -> String {
+fn joined_names(all: impl Iterator<Item = String>) -> String {
     let all: Vec<String> = all.collect();
     if all.is_empty() {
         "nothing".to_owned()
@@ -320,7 +332,7 @@ fn output(plan: &Plan, name: &str) -> Result<(Port, Option<(Ticks, Ticks)>), Str
     }
     Err(format!(
         "there is no output `{name}`; there is {}",
-        listed(outputs(plan).into_iter().map(|one| format!("`{one}`")))
+        joined_names(outputs(plan).into_iter().map(|one| format!("`{one}`")))
     ))
 }
 
@@ -336,14 +348,14 @@ pub fn outputs(plan: &Plan) -> Vec<String> {
     .collect()
 }
 
-impl Body for Whole {
+impl Body for ScenarioBody {
     fn ports(&self) -> &Ports {
         &self.ports
     }
 
     fn begin(&mut self, _: &[Parameter], start: Rational) -> Result<(), String> {
         self.end();
-        self.running = Some(self.fresh()?);
+        self.running = Some(self.start_run()?);
         (self.start, self.now) = (start.seconds(), 0);
         self.history.clear();
         // Values set before are set from the start on.
@@ -404,7 +416,7 @@ impl Body for Whole {
             return Err(Refusal::error("it is not initialised"));
         }
         let tick = self.timebase().tick().seconds();
-        let count = body::steps(self.time(), tick, from, span)?;
+        let count = body::whole_steps(self.time(), tick, from, span)?;
         let to = i64::try_from(count).ok().and_then(|count| self.now.checked_add(count));
         let end = self.plan.end;
         let Some(to) = to.filter(|to| *to <= end) else {
@@ -413,15 +425,15 @@ impl Body for Whole {
                 self.start + self.timebase().seconds(end)
             )));
         };
-        self.tell()?;
-        Ok(self.go(to)?)
+        self.apply_inputs()?;
+        Ok(self.advance_to(to)?)
     }
 
     fn is_over(&self) -> bool {
         self.now >= self.plan.end
     }
 
-    fn said(&mut self) -> Vec<String> {
+    fn take_log_lines(&mut self) -> Vec<String> {
         self.lines.take()
     }
 
@@ -439,8 +451,8 @@ impl Body for Whole {
         };
         let bytes = wire::encode("the state of a scenario", &saved).map_err(|error| error.to_string())?;
         // At its end a run has no state any more, and is replayed.
-        let kept = self.running.as_mut().and_then(|run| run.save().ok());
-        Ok(State { bytes, kept })
+        let checkpoint = self.running.as_mut().and_then(|run| run.save().ok());
+        Ok(State { bytes, checkpoint })
     }
 
     fn restore(&mut self, _: &[Parameter], state: &State) -> Result<(), String> {
@@ -453,14 +465,14 @@ impl Body for Whole {
         match saved.running {
             None => self.running = None,
             Some(run) => {
-                let back = match (&state.kept, &mut self.running) {
-                    (Some(kept), Some(own)) => own.restore(kept).is_ok(),
+                let restored = match (&state.checkpoint, &mut self.running) {
+                    (Some(checkpoint), Some(own)) => own.restore(checkpoint).is_ok(),
                     _ => false,
                 };
-                if back {
+                if restored {
                     (self.start, self.now, self.history, self.figures) = (run.start, run.now, run.history, None);
                 } else {
-                    self.play(run)?;
+                    self.replay(run)?;
                 }
             }
         }
@@ -468,10 +480,10 @@ impl Body for Whole {
         for (own, bytes) in self.inputs.iter_mut().chain(&mut self.outputs).zip(saved) {
             own.bytes_mut().copy_from_slice(bytes);
         }
-        // Those that were set and not yet passed on.
-        let told = |number: usize| self.history.iter().rev().find(|told| told.input == number as u64);
-        let changed = (0..self.inputs.len()).map(|number| match told(number) {
-            Some(told) => told.payload != self.inputs[number].bytes(),
+        // The inputs that were set and not yet passed to the run.
+        let last_change = |number: usize| self.history.iter().rev().find(|change| change.input == number as u64);
+        let changed = (0..self.inputs.len()).map(|number| match last_change(number) {
+            Some(change) => change.payload != self.inputs[number].bytes(),
             None => self.inputs[number].bytes().iter().any(|byte| *byte != 0),
         });
         self.changed = changed.collect();

@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn alias_means_its_field_and_the_elements_of_it() {
+    fn alias_resolves_to_field_and_its_elements() {
         let mut aliases = Aliases::default();
         aliases.add("outputs", "angles", "q");
         aliases.add("outputs", "a[1]", "b");

@@ -17,7 +17,7 @@ const SUGGESTED_MAX: usize = 3;
 
 /// A participant.
 #[derive(Debug, Clone)]
-pub struct Part<'a> {
+pub struct DraftParticipant<'a> {
     /// Its name; see [`Names`].
     pub name: String,
     /// The path of the FMU's file, relative to the scenario's folder.
@@ -34,7 +34,7 @@ pub struct Part<'a> {
 
 /// A variable that feeds another one. Parts are numbered as in [`Draft::parts`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Wire {
+pub struct VariableConnection {
     /// The part and variable of the source.
     pub from: (usize, String),
     /// The part and input of the destination.
@@ -53,9 +53,9 @@ pub struct Draft<'a> {
     /// Its duration: `"10 s"`.
     pub duration: String,
     /// The participants.
-    pub parts: Vec<Part<'a>>,
+    pub parts: Vec<DraftParticipant<'a>>,
     /// The connections between variables.
-    pub wires: Vec<Wire>,
+    pub connections: Vec<VariableConnection>,
     /// Figures for the report: a title, and the part and variable shown.
     pub figures: Vec<(String, (usize, String))>,
     /// Lines for the end, each of which becomes a comment.
@@ -68,7 +68,7 @@ pub struct Names(BTreeSet<String>);
 
 impl Names {
     /// Returns a unique name for a scenario that is as close to `wanted` as the rules for names allow.
-    pub fn pick(&mut self, wanted: &str) -> String {
+    pub fn unique(&mut self, wanted: &str) -> String {
         let plain = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
         let mut name: String = wanted.chars().map(|one| if plain(one) { one } else { '-' }).collect();
         name = name.trim_matches('-').to_owned();
@@ -170,12 +170,12 @@ impl Draft<'_> {
         let _ = writeln!(text, "\n[participants.{name}.run]\nfmu = {}", quoted(&part.file));
         let all = signals(part.about, Causality::Input);
         let is_fed = |one: &&&Variable| {
-            self.wires
+            self.connections
                 .iter()
-                .any(|wire| wire.to.0 == number && wire.to.1 == one.name)
+                .any(|connection| connection.to.0 == number && connection.to.1 == one.name)
         };
         let fed: Vec<&str> = all.iter().filter(is_fed).map(|one| one.name.as_str()).collect();
-        let sources = self.wires.iter().map(|wire| &wire.from);
+        let sources = self.connections.iter().map(|connection| &connection.from);
         let sources = sources.chain(self.figures.iter().map(|(_, from)| from));
         let mut ports = Vec::new();
         if all.iter().any(|one| is_fed(&one) == is_content(part.about, one)) {
@@ -218,10 +218,10 @@ impl Draft<'_> {
 
     /// One connection from each port to each port, with a map.
     fn connections(&self, text: &mut String) {
-        let port = |wire: &Wire| port_of(self.parts[wire.from.0].about, &wire.from.1);
+        let port = |connection: &VariableConnection| port_of(self.parts[connection.from.0].about, &connection.from.1);
         let mut pairs: Vec<(usize, &str, usize)> = Vec::new();
-        for wire in &self.wires {
-            let pair = (wire.from.0, port(wire), wire.to.0);
+        for connection in &self.connections {
+            let pair = (connection.from.0, port(connection), connection.to.0);
             if !pairs.contains(&pair) {
                 pairs.push(pair);
             }
@@ -229,32 +229,34 @@ impl Draft<'_> {
         let mut names = Names::default();
         for (from, output, to) in pairs {
             let (sends, takes) = (&self.parts[from].name, &self.parts[to].name);
-            let name = names.pick(&format!("{sends}-to-{takes}"));
+            let name = names.unique(&format!("{sends}-to-{takes}"));
             let _ = writeln!(
                 text,
                 "\n[connections.{name}]\nfrom = \"{sends}.{output}\"\nto = \"{takes}.{INPUTS}\"\n\n[connections.{name}.map]"
             );
-            let own = |wire: &&Wire| (wire.from.0, port(wire), wire.to.0) == (from, output, to);
-            for wire in self.wires.iter().filter(own) {
-                let source = quoted(&wire.from.1);
+            let own = |connection: &&VariableConnection| {
+                (connection.from.0, port(connection), connection.to.0) == (from, output, to)
+            };
+            for connection in self.connections.iter().filter(own) {
+                let source = quoted(&connection.from.1);
                 let mut value = source.clone();
-                if wire.factor.is_some() || wire.offset.is_some() {
+                if connection.factor.is_some() || connection.offset.is_some() {
                     value = format!("{{ from = {source}");
-                    for (key, number) in [("factor", &wire.factor), ("offset", &wire.offset)] {
+                    for (key, number) in [("factor", &connection.factor), ("offset", &connection.offset)] {
                         if let Some(number) = number {
                             let _ = write!(value, ", {key} = {}", literal(number));
                         }
                     }
                     value.push_str(" }");
                 }
-                let _ = writeln!(text, "{} = {value}", key(&wire.to.1));
+                let _ = writeln!(text, "{} = {value}", key(&connection.to.1));
             }
         }
     }
 }
 
 /// Whether `output` can feed `input` without conversion.
-fn fits(sends: &Description, output: &Variable, takes: &Description, input: &Variable) -> bool {
+fn can_feed(sends: &Description, output: &Variable, takes: &Description, input: &Variable) -> bool {
     let types = element(sends.version, output).zip(element(takes.version, input));
     let unit = |about: &Description, one: &Variable| {
         let unit = about.unit(one).map(|unit| unit.of_port().unit);
@@ -267,7 +269,7 @@ fn fits(sends: &Description, output: &Variable, takes: &Description, input: &Var
 
 /// Connects FMUs that were not designed for each other: an input with the only output of the other FMUs that has its name,
 /// and a matching type and unit. For every other input, a note lists the matching outputs.
-pub fn together(draft: &mut Draft<'_>) {
+pub fn connect_matching(draft: &mut Draft<'_>) {
     let parts = &draft.parts;
     let outputs = |taker: usize| {
         let others = parts.iter().enumerate().filter(move |(number, _)| *number != taker);
@@ -278,11 +280,12 @@ pub fn together(draft: &mut Draft<'_>) {
     };
     for (number, part) in parts.iter().enumerate() {
         for input in signals(part.about, Causality::Input) {
-            let fitting = outputs(number).filter(|(from, output)| fits(parts[*from].about, output, part.about, input));
+            let fitting =
+                outputs(number).filter(|(from, output)| can_feed(parts[*from].about, output, part.about, input));
             let (named, others): (Vec<_>, Vec<_>) =
                 fitting.partition(|(_, output)| output.name.eq_ignore_ascii_case(&input.name));
             if let [(from, output)] = named[..] {
-                draft.wires.push(Wire {
+                draft.connections.push(VariableConnection {
                     from: (from, output.name.clone()),
                     to: (number, input.name.clone()),
                     factor: None,

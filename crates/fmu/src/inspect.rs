@@ -7,7 +7,7 @@ use std::path::Path;
 use toml::Value;
 
 use crate::description::{Causality, Description, Type, Variable, Version};
-use crate::layout::{Layout, element, not_always};
+use crate::layout::{Layout, element, may_lack_value};
 use crate::model::{FmuError, Model};
 use crate::options::Options;
 use crate::settings::Settings;
@@ -31,7 +31,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
     let model = Model::open(file)?;
     let about = &model.description;
     let mut text = String::new();
-    let version = if about.version == Version::Two { "2.0" } else { "3.0" };
+    let version = if about.version == Version::Fmi2 { "2.0" } else { "3.0" };
     let _ = writeln!(text, "{}: FMI {version}, co-simulation", about.model);
     for (words, value) in [("", &about.text), ("exported by ", &about.tool)] {
         if !value.is_empty() {
@@ -40,7 +40,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
     }
     let _ = writeln!(text, "  platforms: {}", model.platforms().join(", "));
     experiment(about, &mut text);
-    abilities(&model, &mut text);
+    describe_capabilities(&model, &mut text);
     let mut problems = about.problems.clone();
     let settings = Settings::read(about, &toml::Table::new());
     let layout = settings.and_then(|settings| Layout::new(about, &Options::default(), &settings));
@@ -55,7 +55,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
         }
         Err(error) => problems.push(error.reason.clone()),
     }
-    problems.extend(layout.iter().flat_map(|layout| taken_for_padding(about, layout)));
+    problems.extend(layout.iter().flat_map(|layout| padding_name_notes(about, layout)));
     parameters(&model, &mut text);
     let library = model.library();
     if let Err(error) = &library {
@@ -79,7 +79,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
     let figures: Vec<&str> = (about
         .variables
         .iter()
-        .filter(|one| not_always(about, one))
+        .filter(|one| may_lack_value(about, one))
         .map(|one| one.name.as_str()))
     .collect();
     if !figures.is_empty() {
@@ -99,7 +99,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
 }
 
 /// Notes on variables whose fields look like padding: the layout gives its own padding a name that no variable has.
-fn taken_for_padding(about: &Description, layout: &Layout) -> Vec<String> {
+fn padding_name_notes(about: &Description, layout: &Layout) -> Vec<String> {
     let own = &layout.interface;
     let inputs = own.inputs.iter().map(|port| &port.descriptor);
     let all = inputs.chain(own.outputs.iter().map(|port| &port.descriptor));
@@ -116,7 +116,7 @@ fn taken_for_padding(about: &Description, layout: &Layout) -> Vec<String> {
 }
 
 /// Plans the ports of an FMU from its description alone; the resulting interface is valid, or the FMU is rejected.
-pub fn look(description: &Description) {
+pub fn check_description(description: &Description) {
     let planned = Settings::read(description, &toml::Table::new())
         .and_then(|settings| Layout::new(description, &Options::default(), &settings));
     if let Ok(layout) = planned {
@@ -143,8 +143,8 @@ fn experiment(about: &Description, text: &mut String) {
     }
 }
 
-fn abilities(model: &Model, text: &mut String) {
-    let own = &model.description.abilities;
+fn describe_capabilities(model: &Model, text: &mut String) {
+    let own = &model.description.capabilities;
     let state = match (own.state, own.serialise) {
         (true, true) => "its own functions save and restore it",
         _ => "it cannot save it: a checkpoint holds its inputs, which are played again",
@@ -186,14 +186,14 @@ fn ports(model: &Model, direction: &str, name: &str, fields: &[lockstep::port::F
             if !variable.text.is_empty() {
                 let _ = write!(text, " — {}", variable.text);
             }
-            also(variable, text);
+            aliases_text(variable, text);
         }
         text.push('\n');
     }
 }
 
 /// The aliases of a variable.
-fn also(variable: &Variable, text: &mut String) {
+fn aliases_text(variable: &Variable, text: &mut String) {
     for alias in &variable.aliases {
         let _ = write!(text, "; also `{}`", alias.name);
         if !alias.text.is_empty() {
@@ -220,16 +220,16 @@ fn parameters(model: &Model, text: &mut String) {
         if !one.text.is_empty() {
             let _ = write!(text, " — {}", one.text);
         }
-        also(one, text);
+        aliases_text(one, text);
         text.push('\n');
     }
 }
 
 /// A suitable period for the FMU, s: the step of its default experiment, else 10 ms, rounded to a multiple of its own step
 /// where that is fixed.
-pub fn period(about: &Description) -> f64 {
+pub fn suggested_period(about: &Description) -> f64 {
     let wanted = about.experiment.step.unwrap_or(0.01);
-    match about.abilities.fixed_step {
+    match about.capabilities.fixed_step {
         Some(own) => own * (wanted / own).round().max(1.0),
         None => wanted,
     }
@@ -237,7 +237,7 @@ pub fn period(about: &Description) -> f64 {
 
 /// The first instant and the end of a suitable run of the FMU, s: those of its default experiment, else 0 s and 10 s later. A run
 /// does not start before 0 s; an experiment that does is moved there.
-pub fn span(about: &Description) -> (f64, f64) {
+pub fn suggested_span(about: &Description) -> (f64, f64) {
     let start = about.experiment.start.unwrap_or(0.0);
     let first = start.max(0.0);
     match about.experiment.stop {
@@ -267,7 +267,7 @@ fn scenario(about: &Description, file: &Path) -> String {
     };
     let quoted = |text: &str| Value::String(text.to_owned()).to_string();
     // The duration is the end of the run.
-    let (first, end) = span(about);
+    let (first, end) = suggested_span(about);
     let offset = if first > 0.0 {
         format!("offset = \"{first} s\"\n")
     } else {
@@ -278,7 +278,7 @@ fn scenario(about: &Description, file: &Path) -> String {
     let mut text = format!(
         "title = {}\nduration = \"{end} s\"\n\n[participants.{name}]\nperiod = \"{} s\"\n{offset}run.fmu = {}\n",
         quoted(&about.model),
-        period(about),
+        suggested_period(about),
         quoted(&path)
     );
     let inputs = about
@@ -289,7 +289,7 @@ fn scenario(about: &Description, file: &Path) -> String {
     if inputs {
         text.push_str("# Nothing feeds it: its inputs keep their start values. Without this line the port `inputs` must be connected.\nrun.ports.inputs = []\n");
     }
-    let parameters = written(about);
+    let parameters = parameter_entries(about);
     if !parameters.is_empty() {
         let _ = writeln!(text, "\n[participants.{name}.parameters]");
     }
@@ -300,7 +300,7 @@ fn scenario(about: &Description, file: &Path) -> String {
 }
 
 /// The first parameters with their start values, as written in a scenario; of several that are one value, the first.
-pub fn written(about: &Description) -> Vec<(String, Value)> {
+pub fn parameter_entries(about: &Description) -> Vec<(String, Value)> {
     let mut values = BTreeSet::new();
     let own = about
         .variables
@@ -350,7 +350,7 @@ mod tests {
     #[test]
     fn scenario_has_the_times_of_the_default_experiment() {
         let file = Path::new("/m.fmu");
-        for (attributes, lines, told) in [
+        for (attributes, lines, expected) in [
             (
                 "startTime='5' stopTime='8' stepSize='0.5'",
                 &["duration = \"8 s\"", "offset = \"5 s\"", "period = \"0.5 s\""][..],
@@ -385,12 +385,12 @@ mod tests {
             );
             let mut shown = String::new();
             experiment(&about, &mut shown);
-            assert!(shown.contains(told), "{shown}");
+            assert!(shown.contains(expected), "{shown}");
         }
     }
 
     #[test]
-    fn times_of_a_default_experiment_that_mean_nothing_are_noted_and_not_used() {
+    fn invalid_default_experiment_times_are_noted_and_unused() {
         for (attributes, note) in [
             ("stepSize='0'", "`stepSize` is 0 s, which is not positive"),
             ("stepSize='-0.1'", "`stepSize` is -0.1 s, which is not positive"),
@@ -403,7 +403,7 @@ mod tests {
             assert_eq!(about.problems.len(), 1, "{:?}", about.problems);
             assert!(about.problems[0].contains(note), "{:?}", about.problems);
             assert_eq!((about.experiment.step, about.experiment.stop), (None, None));
-            assert_eq!(period(&about), 0.01);
+            assert_eq!(suggested_period(&about), 0.01);
         }
     }
 
@@ -416,7 +416,7 @@ mod tests {
              <UInt8 name='paddingCount' valueReference='3' causality='output'/>",
         );
         let layout = Layout::new(&about, &Options::default(), &Settings::default()).expect("it has ports");
-        let notes = taken_for_padding(&about, &layout);
+        let notes = padding_name_notes(&about, &layout);
         assert_eq!(notes.len(), 1, "{notes:?}");
         assert!(notes[0].contains("`padding` is called like padding") && notes[0].contains("variable = \"padding\""));
     }

@@ -13,25 +13,25 @@ use crate::settings::{Content, Setting, Settings};
 use crate::transfer::Transfer;
 
 /// The FMUs with an instance in this process that permit one instance only.
-static SINGLE: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+static SINGLE_INSTANCES: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
 /// How far from the end of a step the instant that the FMU reports may be, s. An FMU that sums up its steps reports the rounding
 /// errors of all of them; an instant that is half a step away is no rounding error.
-fn rounding(end: f64, step: f64) -> f64 {
+fn end_tolerance(end: f64, step: f64) -> f64 {
     let one = f64::EPSILON * end.abs();
     (1e-3 * step + one * (end / step).abs()).min(0.5 * step).max(4.0 * one)
 }
 
-fn single() -> MutexGuard<'static, BTreeSet<String>> {
-    SINGLE.lock().unwrap_or_else(PoisonError::into_inner)
+fn single_instances() -> MutexGuard<'static, BTreeSet<String>> {
+    SINGLE_INSTANCES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Exclusive permission for the single instance.
-struct Only(String);
+struct SingleInstancePermit(String);
 
-impl Drop for Only {
+impl Drop for SingleInstancePermit {
     fn drop(&mut self) {
-        single().remove(&self.0);
+        single_instances().remove(&self.0);
     }
 }
 
@@ -39,7 +39,7 @@ impl Drop for Only {
 pub struct Running {
     instance: Box<dyn Instance>,
     log: Log,
-    _only: Option<Only>,
+    _permit: Option<SingleInstancePermit>,
     _scratch: Scratch,
     /// True after the initialisation, until a failure.
     stepping: bool,
@@ -50,7 +50,8 @@ pub struct Running {
 }
 
 impl Running {
-    /// Unpacks, loads and initialises an FMU for a run that starts at `start`, s; `alone` where it is the only participant of the process.
+    /// Unpacks, loads and initialises an FMU for a run that starts at `start`, s; `own_process` where it is the only participant of the
+    /// process.
     ///
     /// # Errors
     /// Names the function that failed, with the FMU's own log.
@@ -60,13 +61,13 @@ impl Running {
         name: &str,
         start: f64,
         tolerance: Option<f64>,
-        alone: bool,
+        own_process: bool,
     ) -> Result<Running, Failure> {
         let description = &model.description;
-        let only = match description.abilities.once_per_process {
+        let permit = match description.capabilities.once_per_process {
             false => None,
-            true => match single().insert(description.token.clone()) {
-                true => Some(Only(description.token.clone())),
+            true => match single_instances().insert(description.token.clone()) {
+                true => Some(SingleInstancePermit(description.token.clone())),
                 false => {
                     return Err(format!(
                         "`{}` can be instantiated only once in a process, and this process has an instance already: leave out \
@@ -84,11 +85,11 @@ impl Running {
         // Some FMUs are exported without resources, and read the folder nevertheless.
         let _ = std::fs::create_dir(folder.join("resources"));
         let log = Log::default();
-        let instance = abi::instantiate(description, &folder.join(library), &folder, name, &log, alone)?;
+        let instance = abi::instantiate(description, &folder.join(library), &folder, name, &log, own_process)?;
         let mut running = Running {
             instance,
             log,
-            _only: only,
+            _permit: permit,
             _scratch: scratch,
             stepping: false,
             fatal: false,
@@ -99,29 +100,29 @@ impl Running {
     }
 
     /// Returns the FMU's log messages since the last call.
-    pub fn tell(&self, say: impl FnMut(&str)) {
-        self.log.tell(say);
+    pub fn take_log_messages(&self, say: impl FnMut(&str)) {
+        self.log.report_new(say);
     }
 
     /// The working directory of the FMU.
-    pub fn work(&self) -> std::path::PathBuf {
-        self._scratch.work()
+    pub fn working_directory(&self) -> std::path::PathBuf {
+        self._scratch.working_directory()
     }
 
     fn initialise(&mut self, settings: &Settings, start: f64, tolerance: Option<f64>) -> Result<(), Failure> {
         if !settings.structural.is_empty() {
             let status = self.instance.configure(true);
-            self.done("entering configuration mode", status)?;
+            self.check_status("entering configuration mode", status)?;
             self.apply(&settings.structural)?;
             let status = self.instance.configure(false);
-            self.done("leaving configuration mode", status)?;
+            self.check_status("leaving configuration mode", status)?;
         }
         self.apply(&settings.start)?;
         let entered = self.instance.enter_initialisation(start, tolerance);
-        entered.or_else(|(function, status)| self.done(function, status))?;
+        entered.or_else(|(function, status)| self.check_status(function, status))?;
         self.apply(&settings.inputs)?;
         let status = self.instance.exit_initialisation();
-        self.done("leaving initialization mode", status)?;
+        self.check_status("leaving initialization mode", status)?;
         self.stepping = true;
         Ok(())
     }
@@ -133,14 +134,14 @@ impl Running {
                 Content::Text(text) => self.instance.set_text(setting.reference, Texts::String(text)),
                 Content::Bytes(bytes) => self.instance.set_text(setting.reference, Texts::Binary(bytes)),
             };
-            self.done(&format!("setting `{}`", setting.name), status)?;
+            self.check_status(&format!("setting `{}`", setting.name), status)?;
         }
         Ok(())
     }
 
-    /// A failure if `status` is one. After an error the instance accepts no further calls but the last one.
-    fn done(&mut self, what: &str, status: Status) -> Result<(), Failure> {
-        if status.done() {
+    /// Returns a failure if `status` is one. After an error the instance accepts no further calls except the final one.
+    fn check_status(&mut self, what: &str, status: Status) -> Result<(), Failure> {
+        if status.succeeded() {
             return Ok(());
         }
         self.stepping &= status == Status::Discard;
@@ -150,7 +151,7 @@ impl Running {
             Status::Fatal => "; no instance of this FMU can be used any more in this process",
             _ => "",
         };
-        Err(format!("{what} {}{consequence}{}", status.words(), self.log.take()).into())
+        Err(format!("{what} {}{consequence}{}", status.text(), self.log.take()).into())
     }
 
     /// Sets the values of the transfers.
@@ -160,8 +161,8 @@ impl Running {
     pub fn set(&mut self, transfers: &mut [Transfer]) -> Result<(), Failure> {
         for transfer in transfers {
             let status = self.instance.set(&mut transfer.values);
-            if !status.done() {
-                self.done("setting its inputs", status)?;
+            if !status.succeeded() {
+                self.check_status("setting its inputs", status)?;
             }
         }
         Ok(())
@@ -174,8 +175,8 @@ impl Running {
     pub fn get(&mut self, transfers: &mut [Transfer]) -> Result<(), Failure> {
         for transfer in transfers {
             let status = self.instance.get(&mut transfer.values);
-            if !status.done() {
-                self.done("reading its outputs", status)?;
+            if !status.succeeded() {
+                self.check_status("reading its outputs", status)?;
             }
         }
         Ok(())
@@ -187,17 +188,17 @@ impl Running {
     /// Distinguishes discard, error and fatal, with the instant reached and the FMU's log.
     pub fn step(&mut self, t: f64, step: f64) -> Result<(), Failure> {
         let stepped = self.instance.step(t, step);
-        if stepped.status.done() && !stepped.terminate && !stepped.early {
+        if stepped.status.succeeded() && !stepped.terminate && !stepped.early {
             let end = t + step;
             let apart = stepped.last.map_or(0.0, |last| (last - end).abs());
-            if apart <= rounding(end, step) {
+            if apart <= end_tolerance(end, step) {
                 return Ok(());
             }
             let last = stepped.last.unwrap_or(t);
             return Err(format!(
                 "doStep from t = {t} s {} and came to t = {last} s, and not to t = {end} s, which it was asked for; a period that is a \
                  whole multiple of its own step may help{}",
-                stepped.status.words(),
+                stepped.status.text(),
                 self.log.take()
             )
             .into());
@@ -213,7 +214,7 @@ impl Running {
             )
             .into());
         }
-        if stepped.status.done() {
+        if stepped.status.succeeded() {
             return Err(format!(
                 "doStep from t = {t} s returned early{reached}, which it was not allowed to{}",
                 self.log.take()
@@ -225,7 +226,7 @@ impl Running {
         } else {
             String::new()
         };
-        self.done(&format!("doStep from t = {t} s by {step} s{reached}"), stepped.status)
+        self.check_status(&format!("doStep from t = {t} s by {step} s{reached}"), stepped.status)
     }
 
     /// The serialised state.
@@ -235,7 +236,7 @@ impl Running {
     pub fn serialise(&self) -> Result<Vec<u8>, String> {
         self.instance.serialise().map_err(|(function, status)| {
             self.unsaved.set(status);
-            format!("{function} {}{}", status.words(), self.log.take())
+            format!("{function} {}{}", status.text(), self.log.take())
         })
     }
 
@@ -245,7 +246,7 @@ impl Running {
     /// The FMU's error.
     pub fn deserialise(&mut self, bytes: &[u8]) -> Result<(), Failure> {
         let put = self.instance.deserialise(bytes);
-        put.or_else(|(function, status)| self.done(function, status))
+        put.or_else(|(function, status)| self.check_status(function, status))
     }
 }
 
@@ -253,7 +254,7 @@ impl Drop for Running {
     fn drop(&mut self) {
         let unsaved = self.unsaved.get();
         self.fatal |= unsaved == Status::Fatal;
-        if self.stepping && (unsaved.done() || unsaved == Status::Discard) {
+        if self.stepping && (unsaved.succeeded() || unsaved == Status::Discard) {
             let status = self.instance.terminate();
             self.fatal |= status == Status::Fatal;
         }
@@ -270,9 +271,9 @@ mod tests {
     use crate::abi::{Stepped, Values};
 
     /// An FMU that reports a fixed instant.
-    struct Reports(Option<f64>);
+    struct FixedInstant(Option<f64>);
 
-    impl Instance for Reports {
+    impl Instance for FixedInstant {
         fn configure(&mut self, _: bool) -> Status {
             Status::Ok
         }
@@ -312,23 +313,23 @@ mod tests {
     }
 
     #[test]
-    fn sum_of_many_steps_is_near_enough() {
+    fn step_end_within_rounding_is_accepted() {
         let (mut sum, step) = (0.0, 1e-4);
         for _ in 0..10_000_000 {
             sum += step;
         }
         let apart = f64::abs(sum - 1000.0);
-        assert!((1e-9..rounding(1000.0, step)).contains(&apart), "{apart}");
-        assert!(rounding(1e9, step) <= 0.5 * step);
+        assert!((1e-9..end_tolerance(1000.0, step)).contains(&apart), "{apart}");
+        assert!(end_tolerance(1e9, step) <= 0.5 * step);
     }
 
     #[test]
     fn step_that_misses_its_end_is_an_error() {
         let step = |last: Option<f64>| {
             let mut running = Running {
-                instance: Box::new(Reports(last)),
+                instance: Box::new(FixedInstant(last)),
                 log: Log::default(),
-                _only: None,
+                _permit: None,
                 _scratch: Scratch::create().unwrap(),
                 stepping: true,
                 fatal: false,

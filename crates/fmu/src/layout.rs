@@ -55,7 +55,7 @@ pub fn element(version: Version, variable: &Variable) -> Option<Element> {
         Type::Int64 => Element::I64,
         Type::UInt64 => Element::U64,
         Type::Enumeration if !Items::of(variable).values.is_empty() => Element::Enum,
-        Type::Enumeration if version == Version::Two => Element::I32,
+        Type::Enumeration if version == Version::Fmi2 => Element::I32,
         Type::Enumeration => Element::I64,
         Type::String => Element::Text(TEXT_ROOM),
         Type::Binary => {
@@ -69,13 +69,13 @@ pub fn element(version: Version, variable: &Variable) -> Option<Element> {
 
 /// Whether a variable may be without a value, and so is in no port unless `ports` names it: the figures of merit of a
 /// scenario that was exported by this program are NaN until they are known.
-pub fn not_always(description: &Description, variable: &Variable) -> bool {
+pub fn may_lack_value(description: &Description, variable: &Variable) -> bool {
     let figure = variable.causality == Causality::Output && variable.name.starts_with("figures.");
     figure && description.tool.starts_with("Escapement")
 }
 
 /// The element according to an entry: with another maximum size, or another integer type.
-fn formed(variable: &Variable, element: Element, (size, other): Form) -> Result<Element, String> {
+fn with_form(variable: &Variable, element: Element, (size, other): Form) -> Result<Element, String> {
     if let Some(other) = other {
         let whole = |element: Element| element.is_number() && element.range().is_some();
         if size.is_some() || !whole(element) || !whole(other) {
@@ -101,7 +101,7 @@ fn formed(variable: &Variable, element: Element, (size, other): Form) -> Result<
 }
 
 /// A field with its variables.
-struct Planned<'a> {
+struct PlannedField<'a> {
     field: Field,
     variables: Vec<&'a Variable>,
     conversion: Conversion,
@@ -119,7 +119,7 @@ fn padding(fields: &[Field]) -> String {
 }
 
 /// Why an input cannot be set by a field if `other` is already set by one.
-fn twice(other: &str, variable: &Variable) -> String {
+fn set_twice_text(other: &str, variable: &Variable) -> String {
     let (name, reference) = (&variable.name, variable.reference);
     if other == name {
         return format!("the input `{name}` stands in two fields");
@@ -176,7 +176,7 @@ impl Layout {
         ] {
             if !is_named {
                 let fields = planner
-                    .every(causality)
+                    .default_fields(causality)
                     .map_err(|reason| ParameterError::new("fmu", reason))?;
                 all.push(("fmu".to_owned(), port, causality == Causality::Input, fields));
             }
@@ -200,7 +200,7 @@ impl Layout {
         let checked = planner.layout.interface.validate();
         checked.map_err(|error| ParameterError::new("ports", error))?;
         let Layout { inputs, outputs, .. } = &mut planner.layout;
-        inputs.iter_mut().chain(outputs).for_each(Transfer::gather);
+        inputs.iter_mut().chain(outputs).for_each(Transfer::merge_contiguous);
         Ok(planner.layout)
     }
 
@@ -254,14 +254,14 @@ impl<'a> Planner<'a> {
     }
 
     /// All variables of one causality that are signals by default, ordered so that the payload has no gaps.
-    fn every(&self, causality: Causality) -> Result<Vec<Planned<'a>>, String> {
+    fn default_fields(&self, causality: Causality) -> Result<Vec<PlannedField<'a>>, String> {
         let version = self.description.version;
         let own = self
             .description
             .variables
             .iter()
             .filter(|one| one.causality == causality);
-        let own = own.filter(|one| !not_always(self.description, one));
+        let own = own.filter(|one| !may_lack_value(self.description, one));
         let signals = own.filter(|one| element(version, one).is_some_and(|one| one.room().is_none()));
         let mut fields = signals
             .map(|one| self.field(one.name.clone(), vec![one], false, (None, "", (None, None))))
@@ -270,7 +270,7 @@ impl<'a> Planner<'a> {
         Ok(fields)
     }
 
-    fn listed(&self, entries: &[FieldEntry]) -> Result<Vec<Planned<'a>>, String> {
+    fn listed(&self, entries: &[FieldEntry]) -> Result<Vec<PlannedField<'a>>, String> {
         let planned = entries.iter().map(|entry| {
             let (name, variables, listed, unit, frame) = entry.parts();
             let variables = variables
@@ -288,7 +288,7 @@ impl<'a> Planner<'a> {
         variables: Vec<&'a Variable>,
         listed: bool,
         (unit, frame, form): (Option<&str>, &str, Form),
-    ) -> Result<Planned<'a>, String> {
+    ) -> Result<PlannedField<'a>, String> {
         let first = *variables
             .first()
             .ok_or_else(|| format!("the field `{name}` has no variables"))?;
@@ -297,7 +297,7 @@ impl<'a> Planner<'a> {
             let kind = first.kind.name();
             return Err(format!("`{}` is a {kind}, which is no signal", first.name));
         };
-        let element = formed(first, element, form)?;
+        let element = with_form(first, element, form)?;
         let own = self.description.unit(first);
         if let Some(other) = variables
             .iter()
@@ -348,7 +348,7 @@ impl<'a> Planner<'a> {
             offset: 0,
             values: items.values,
         };
-        Ok(Planned {
+        Ok(PlannedField {
             field,
             variables,
             conversion,
@@ -356,7 +356,7 @@ impl<'a> Planner<'a> {
     }
 
     /// Adds a port; none if there are no fields.
-    fn port(&mut self, name: &str, message: &str, input: bool, fields: Vec<Planned<'a>>) -> Result<(), String> {
+    fn port(&mut self, name: &str, message: &str, input: bool, fields: Vec<PlannedField<'a>>) -> Result<(), String> {
         if fields.is_empty() {
             return Ok(());
         }
@@ -365,7 +365,7 @@ impl<'a> Planner<'a> {
         } else {
             self.layout.interface.outputs.len()
         };
-        self.other_names(name, &fields);
+        self.add_aliases(name, &fields);
         let mut offset = 0_usize;
         let mut largest = 1;
         let mut described = Vec::new();
@@ -420,7 +420,7 @@ impl<'a> Planner<'a> {
     }
 
     /// A field that has one name of its variable has the others too, unless another field has them.
-    fn other_names(&mut self, port: &str, fields: &[Planned<'a>]) {
+    fn add_aliases(&mut self, port: &str, fields: &[PlannedField<'a>]) {
         let taken = |name: &str| fields.iter().any(|planned| planned.field.name == name);
         for planned in fields {
             let field = &planned.field.name;
@@ -433,7 +433,7 @@ impl<'a> Planner<'a> {
         }
     }
 
-    fn slots(&mut self, input: bool, port: usize, planned: &Planned<'a>) -> Result<(), String> {
+    fn slots(&mut self, input: bool, port: usize, planned: &PlannedField<'a>) -> Result<(), String> {
         let version = self.description.version;
         let field = &planned.field;
         let each = field.len() / planned.variables.len();
@@ -461,7 +461,7 @@ impl<'a> Planner<'a> {
             let same = |reference: &u32| *reference == variable.reference;
             if let (true, Some(other)) = (input, transfer.values.references.iter().position(same)) {
                 // There is one slot for each reference, in the same order.
-                return Err(twice(&transfer.slots[other].name, variable));
+                return Err(set_twice_text(&transfer.slots[other].name, variable));
             }
             let first = transfer.values.count;
             let mut references = std::mem::take(&mut transfer.values.references);

@@ -25,11 +25,11 @@ mod zip;
 pub use abi::to_standard_error;
 pub use aliases::Aliases;
 pub use description::{
-    Abilities, Alias, BASE_UNITS, BaseUnit, Causality, Conversion, Description, DescriptionError, Experiment, Extent,
-    Initial, Item, Range, Type, Unit, Variability, Variable, Version,
+    Alias, BASE_UNITS, BaseUnit, Capabilities, Causality, Conversion, Description, DescriptionError, Experiment,
+    Extent, Initial, Item, Range, Type, Unit, Variability, Variable, Version,
 };
-pub use draft::{Draft, Names, Part, Wire, together};
-pub use inspect::{Inspection, inspect, look, period, span, written};
+pub use draft::{Draft, DraftParticipant, Names, VariableConnection, connect_matching};
+pub use inspect::{Inspection, check_description, inspect, parameter_entries, suggested_period, suggested_span};
 pub use layout::{INPUTS, OUTPUTS, RECORDED, element};
 pub use model::{FILE_MAX, FmuError, Model};
 pub use names::nearest;

@@ -112,8 +112,8 @@ impl Model {
     /// The folder below `binaries` for this machine.
     pub const fn platform(&self) -> &'static str {
         match self.description.version {
-            Version::Two => "linux64",
-            Version::Three => "x86_64-linux",
+            Version::Fmi2 => "linux64",
+            Version::Fmi3 => "x86_64-linux",
         }
     }
 
@@ -142,7 +142,7 @@ impl Model {
     /// # Errors
     /// When there is none, with the platforms for which there is one.
     pub fn library(&self) -> Result<String, FmuError> {
-        let identifier = &self.description.abilities.identifier;
+        let identifier = &self.description.capabilities.identifier;
         let name = format!("binaries/{}/{identifier}.so", self.platform());
         if self.archive.has(&name) {
             return Ok(name);

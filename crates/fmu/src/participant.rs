@@ -22,15 +22,15 @@ const STEP_TOLERANCE: f64 = 1e-6;
 struct Saved {
     /// The identity of the FMU.
     token: String,
-    state: State,
+    state: SavedState,
 }
 
 #[derive(Serialize, Deserialize)]
-enum State {
+enum SavedState {
     /// In the FMU's own format.
-    Own(Vec<u8>),
+    Serialised(Vec<u8>),
     /// All inputs so far.
-    Played(History),
+    InputHistory(History),
 }
 
 /// An FMU as a participant. Before the initialisation no code of it is loaded.
@@ -74,7 +74,7 @@ fn open(file: &Path) -> Result<Model, ParameterError> {
     open().map_err(|error: crate::model::FmuError| ParameterError::new("fmu", error))
 }
 
-/// Creates the participant of an FMU with the other keys of `run`, as TOML; `alone` where it is the only participant of
+/// Creates the participant of an FMU with the other keys of `run`, as TOML; `own_process` where it is the only participant of
 /// this process.
 ///
 /// # Errors
@@ -84,12 +84,12 @@ pub fn participant(
     file: &Path,
     options: &str,
     setup: &Setup,
-    alone: bool,
+    own_process: bool,
 ) -> Result<Box<dyn Participant>, ParameterError> {
     let options = options
         .parse()
         .map_err(|error: toml::de::Error| ParameterError::new("", error))?;
-    Ok(Box::new(Fmu::make(file, &options, setup, alone)?))
+    Ok(Box::new(Fmu::make(file, &options, setup, own_process)?))
 }
 
 impl Fmu {
@@ -98,7 +98,7 @@ impl Fmu {
         let model = open(file)?;
         let settings = Settings::read(&model.description, &setup.parameters)?;
         let layout = Layout::new(&model.description, &options, &settings)?;
-        if let Some(own) = model.description.abilities.fixed_step {
+        if let Some(own) = model.description.capabilities.fixed_step {
             let steps = setup.period / own;
             if (steps - steps.round()).abs() > STEP_TOLERANCE || steps.round() < 1.0 {
                 return Err(ParameterError::new(
@@ -131,14 +131,14 @@ impl Fmu {
     fn start(&mut self, t: f64) -> Result<(), Failure> {
         // The previous instance is dropped first: some FMUs permit one instance only.
         self.running = None;
-        let (name, alone) = (&self.name, self.own_process);
-        let running = Running::start(&self.model, &self.settings, name, t, self.tolerance, alone)?;
+        let (name, own_process) = (&self.name, self.own_process);
+        let running = Running::start(&self.model, &self.settings, name, t, self.tolerance, own_process)?;
         if self.own_process {
-            let work = running.work();
+            let work = running.working_directory();
             std::env::set_current_dir(&work).map_err(|error| format!("`{}`: {error}", work.display()))?;
         }
         self.running = Some(running);
-        let own = self.model.description.abilities.serialise;
+        let own = self.model.description.capabilities.serialise;
         self.history = (!own).then(|| History::new(t));
         Ok(())
     }
@@ -159,10 +159,10 @@ impl Fmu {
         }
         if let Some(history) = &mut self.history {
             let ports = 0..layout.interface.inputs.len();
-            history.push(t, self.period, ports.map(|port| inputs.bytes(port)));
+            history.push_inputs(t, self.period, ports.map(|port| inputs.bytes(port)));
             let ports = 0..layout.interface.outputs.len();
             for port in ports {
-                history.gave([&*outputs.bytes_mut(port)].into_iter());
+                history.push_outputs([&*outputs.bytes_mut(port)].into_iter());
             }
         }
         Ok(())
@@ -172,29 +172,29 @@ impl Fmu {
     ///
     /// # Errors
     /// Why it cannot be saved.
-    fn state(&self) -> Result<State, String> {
+    fn state(&self) -> Result<SavedState, String> {
         match &self.history {
             Some(history) if history.full => {
                 Err("it has no functions for its state, and its inputs have changed so often that their history is too large".into())
             }
-            Some(history) => Ok(State::Played(history.clone())),
+            Some(history) => Ok(SavedState::InputHistory(history.clone())),
             None => {
                 let running = self.running.as_ref().ok_or("it is not initialised")?;
-                running.serialise().map(State::Own)
+                running.serialise().map(SavedState::Serialised)
             }
         }
     }
 
     /// Copies the FMU's log messages to the participant's log.
-    fn tell(&self, outputs: &Outputs) {
+    fn forward_log(&self, outputs: &Outputs) {
         if let Some(running) = &self.running {
-            running.tell(|line| outputs.log(line));
+            running.take_log_messages(|line| outputs.log(line));
         }
     }
 
     /// Replays the inputs of another instance on a fresh one, and compares the outputs.
-    fn play(&mut self, played: &History) -> Result<(), Failure> {
-        self.start(played.start)?;
+    fn replay_inputs(&mut self, history: &History) -> Result<(), Failure> {
+        self.start(history.start)?;
         let interface = &self.layout.interface;
         let (mut inputs, mut outputs) = (Inputs::zeroed(interface), Outputs::zeroed(interface));
         let sizes: Vec<usize> = interface
@@ -202,8 +202,8 @@ impl Fmu {
             .iter()
             .map(|port| port.descriptor.size as usize)
             .collect();
-        let mut last = played.start;
-        for (t, bytes) in played.steps(self.period) {
+        let mut last = history.start;
+        for (t, bytes) in history.steps(self.period) {
             if bytes.len() != sizes.iter().sum::<usize>() {
                 return Err("the saved inputs have another size than its ports: it is the state of another FMU".into());
             }
@@ -217,9 +217,11 @@ impl Fmu {
             last = t;
         }
         // The first instance has already reported these messages.
-        self.running.iter().for_each(|running| running.tell(|_| {}));
+        self.running
+            .iter()
+            .for_each(|running| running.take_log_messages(|_| {}));
         let checksum = self.history.as_ref().map(|history| history.checksum);
-        if checksum != Some(played.checksum) {
+        if checksum != Some(history.checksum) {
             return Err(format!(
                 "fed the same inputs again up to t = {last} s, the FMU gave other outputs than before. It cannot save its state, so it is \
                  taken up only as it was: with the parameters and start values that it had, and if it depends on nothing but these and its \
@@ -240,7 +242,7 @@ impl Participant for Fmu {
         self.log = Some(outputs.log_of().clone());
         self.reached = t;
         self.start(t)?;
-        self.tell(outputs);
+        self.forward_log(outputs);
         if !self.feedthrough
             && let Some(running) = &mut self.running
         {
@@ -252,7 +254,7 @@ impl Participant for Fmu {
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         let done = self.advance(step.t, inputs, outputs);
-        self.tell(outputs);
+        self.forward_log(outputs);
         self.reached = step.t_next;
         done
     }
@@ -264,12 +266,12 @@ impl Participant for Fmu {
             wire::encode("the state of an FMU", &Saved { token, state }).map_err(|error| error.to_string())
         });
         // The caller of `save` gets no more than `None`: the reason goes into the log.
-        let tell = |reason: String| {
+        let log_reason = |reason: String| {
             let log = self.log.clone().unwrap_or_else(|| Log::new(&self.name, None));
             log.at(self.reached)
                 .write(format_args!("the state of the FMU cannot be saved: {reason}"));
         };
-        saved.map_err(tell).ok()
+        saved.map_err(log_reason).ok()
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
@@ -283,8 +285,8 @@ impl Participant for Fmu {
             .into());
         }
         match saved.state {
-            State::Played(history) => self.play(&history),
-            State::Own(bytes) => {
+            SavedState::InputHistory(history) => self.replay_inputs(&history),
+            SavedState::Serialised(bytes) => {
                 let running = self.running.as_mut().ok_or("it is not initialised")?;
                 running.deserialise(&bytes)
             }
@@ -330,7 +332,7 @@ mod tests {
         bytes
     }
 
-    /// The participant of an FMU with these variables, none of whose code is there.
+    /// The participant of an FMU with these variables and without a library.
     fn fmu(name: &str, variables: &str) -> Result<Fmu, ParameterError> {
         let description = format!(
             "<fmiModelDescription fmiVersion='3.0' modelName='m' instantiationToken='t'><CoSimulation modelIdentifier='m'/>\
@@ -355,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn padding_has_a_name_that_no_variable_has() {
+    fn padding_name_differs_from_all_variables() {
         let variables = "<Float64 name='padding' valueReference='1' causality='output'/>\
                          <Int8 name='padding_2' valueReference='2' causality='output'/>";
         let interface = fmu("padding", variables)
@@ -399,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn why_a_state_cannot_be_saved_is_in_the_log() {
+    fn save_failure_reason_is_logged() {
         let variables = "<Float64 name='y' valueReference='1' causality='output'/>";
         let mut fmu = fmu("unsaved", variables).expect("the variables are in order");
         let lines = Arc::new(Lines::default());
@@ -408,10 +410,10 @@ mod tests {
         assert!(fmu.save().is_some() && lines.0.lock().expect("no thread panicked").is_empty());
         fmu.history.iter_mut().for_each(|history| history.full = true);
         assert!(fmu.save().is_none());
-        let said = lines.0.lock().expect("no thread panicked").join("\n");
+        let text = lines.0.lock().expect("no thread panicked").join("\n");
         assert!(
-            said.starts_with("it at t = 0 s: the state of the FMU cannot be saved: it has no functions"),
-            "{said}"
+            text.starts_with("it at t = 0 s: the state of the FMU cannot be saved: it has no functions"),
+            "{text}"
         );
     }
 }

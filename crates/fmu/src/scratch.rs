@@ -16,8 +16,8 @@ use rustix::rand::{GetRandomFlags, getrandom};
 /// The prefix of the folders' names.
 pub const FOLDER: &str = "escapement-fmu-";
 const LOCK: &str = "lock";
-/// A folder without a lock file may be under construction.
-const YOUNG: Duration = Duration::from_secs(10);
+/// A folder younger than this without a lock file may be under construction.
+const LOCK_GRACE: Duration = Duration::from_secs(10);
 
 /// A private folder, removed when this is dropped.
 #[derive(Debug)]
@@ -52,7 +52,7 @@ impl Scratch {
         flock(&lock, FlockOperation::NonBlockingLockExclusive)?;
         fs::rename(folder.join("lock.new"), folder.join(LOCK)).map_err(named)?;
         let scratch = Scratch { folder, _lock: lock };
-        for part in [scratch.unpacked(), scratch.work()] {
+        for part in [scratch.unpacked(), scratch.working_directory()] {
             fs::DirBuilder::new().mode(0o700).create(part)?;
         }
         Ok(scratch)
@@ -64,7 +64,7 @@ impl Scratch {
     }
 
     /// An empty working directory: an FMU that leaves files in its working directory leaves them here.
-    pub fn work(&self) -> PathBuf {
+    pub fn working_directory(&self) -> PathBuf {
         self.folder.join("work")
     }
 }
@@ -86,7 +86,9 @@ pub fn leftovers() -> Vec<PathBuf> {
                 .metadata()
                 .is_ok_and(|about| about.is_dir() && about.uid() == user)
     });
-    own.map(|entry| entry.path()).filter(|folder| dead(folder)).collect()
+    own.map(|entry| entry.path())
+        .filter(|folder| is_abandoned(folder))
+        .collect()
 }
 
 /// Removes the folders of this user that dead processes left.
@@ -96,12 +98,12 @@ pub fn remove_leftovers() {
     }
 }
 
-fn dead(folder: &Path) -> bool {
+fn is_abandoned(folder: &Path) -> bool {
     match File::open(folder.join(LOCK)) {
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok(),
         Err(_) => {
             let made = fs::metadata(folder).and_then(|about| about.modified());
-            made.is_ok_and(|made| SystemTime::now().duration_since(made).is_ok_and(|age| age > YOUNG))
+            made.is_ok_and(|made| SystemTime::now().duration_since(made).is_ok_and(|age| age > LOCK_GRACE))
         }
     }
 }

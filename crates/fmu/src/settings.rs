@@ -64,7 +64,7 @@ impl Settings {
     pub fn read(description: &Description, table: &Table) -> Result<Settings, ParameterError> {
         let mut given = Vec::new();
         flatten(description, ("", ""), table, &mut given);
-        once(description, &given)?;
+        reject_duplicates(description, &given)?;
         // The order in which the FMU gets them does not depend on how they are written.
         given.sort_by(|one, other| one.name.cmp(&other.name));
         let mut settings = Settings::default();
@@ -77,7 +77,7 @@ impl Settings {
         }
         // Structural parameters first, because extents of arrays depend on them.
         for structural in [true, false] {
-            for Given { name, value, .. } in &given {
+            for GivenValue { name, value, .. } in &given {
                 let found = description.variable(name);
                 let variable = found.ok_or_else(|| {
                     let known = description.variables.iter().filter(|one| one.settable().is_ok());
@@ -181,7 +181,7 @@ impl Settings {
 }
 
 /// A value that the scenario gives.
-struct Given<'a> {
+struct GivenValue<'a> {
     /// The full name of the variable, its own or an alias.
     name: String,
     /// The key as written.
@@ -190,7 +190,7 @@ struct Given<'a> {
 }
 
 /// All values that are given: a table is a group of variables unless a variable has its name.
-fn flatten<'a>(description: &Description, above: (&str, &str), table: &'a Table, given: &mut Vec<Given<'a>>) {
+fn flatten<'a>(description: &Description, above: (&str, &str), table: &'a Table, given: &mut Vec<GivenValue<'a>>) {
     for (name, value) in table {
         let (name, written) = if above.0.is_empty() {
             (name.clone(), key(name))
@@ -201,15 +201,15 @@ fn flatten<'a>(description: &Description, above: (&str, &str), table: &'a Table,
             Value::Table(inner) if description.variable(&name).is_none() && !inner.is_empty() => {
                 flatten(description, (&name, &written), inner, given);
             }
-            _ => given.push(Given { name, written, value }),
+            _ => given.push(GivenValue { name, written, value }),
         }
     }
 }
 
 /// Refuses a value that is given twice: under one name, or under two names of one value.
-fn once(description: &Description, given: &[Given<'_>]) -> Result<(), ParameterError> {
-    let mut named: BTreeMap<&str, &Given<'_>> = BTreeMap::new();
-    let mut values: BTreeMap<(Option<Type>, u32), &Given<'_>> = BTreeMap::new();
+fn reject_duplicates(description: &Description, given: &[GivenValue<'_>]) -> Result<(), ParameterError> {
+    let mut named: BTreeMap<&str, &GivenValue<'_>> = BTreeMap::new();
+    let mut values: BTreeMap<(Option<Type>, u32), &GivenValue<'_>> = BTreeMap::new();
     for one in given {
         let before = named.insert(&one.name, one);
         let before = before.or_else(|| {

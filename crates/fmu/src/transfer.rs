@@ -27,7 +27,7 @@ pub(crate) struct Slot {
 /// Values that have the same representation and are contiguous in the payload and in the FMU's values. All numbers are
 /// bytes.
 #[derive(Debug, Clone, PartialEq)]
-struct Stretch {
+struct ContiguousRange {
     port: usize,
     /// The offset in the payload.
     offset: usize,
@@ -41,9 +41,9 @@ struct Stretch {
 pub struct Transfer {
     /// The values.
     pub values: Values,
-    /// The variables, one by one; after [gathering](Transfer::gather), only those that are converted.
+    /// The variables, one by one; after [merging](Transfer::merge_contiguous), only those that are converted.
     pub(crate) slots: Vec<Slot>,
-    stretches: Vec<Stretch>,
+    ranges: Vec<ContiguousRange>,
 }
 
 impl Transfer {
@@ -52,12 +52,12 @@ impl Transfer {
         Transfer {
             values: Values::new(native, Vec::new(), 0),
             slots: Vec::new(),
-            stretches: Vec::new(),
+            ranges: Vec::new(),
         }
     }
 
     /// Merges variables that are copied unchanged: neighbours in the payload are mostly neighbours among the values.
-    pub(crate) fn gather(&mut self) {
+    pub(crate) fn merge_contiguous(&mut self) {
         let native = self.values.native;
         let (copied, converted) = std::mem::take(&mut self.slots)
             .into_iter()
@@ -65,15 +65,15 @@ impl Transfer {
         self.slots = converted;
         for slot in copied {
             let size = native.size();
-            let next = Stretch {
+            let next = ContiguousRange {
                 port: slot.port,
                 offset: slot.offset,
                 first: slot.first * size,
                 len: slot.len * size,
             };
-            match self.stretches.last_mut() {
+            match self.ranges.last_mut() {
                 Some(last) if last.is_before(&next) => last.len += next.len,
-                _ => self.stretches.push(next),
+                _ => self.ranges.push(next),
             }
         }
     }
@@ -81,9 +81,9 @@ impl Transfer {
     /// Copies the payloads of the inputs into the values.
     pub(crate) fn read(&mut self, inputs: &Inputs) -> Result<(), String> {
         let values = self.values.as_bytes_mut();
-        for stretch in &self.stretches {
-            let payload = inputs.bytes(stretch.port);
-            values[stretch.of_values()].copy_from_slice(&payload[stretch.of_payload()]);
+        for range in &self.ranges {
+            let payload = inputs.bytes(range.port);
+            values[range.of_values()].copy_from_slice(&payload[range.of_payload()]);
         }
         let mut slots = self.slots.iter();
         slots.try_for_each(|slot| slot.read(inputs.bytes(slot.port), &mut self.values))
@@ -92,16 +92,16 @@ impl Transfer {
     /// Copies the values into the payloads of the outputs.
     pub(crate) fn write(&self, outputs: &mut Outputs) -> Result<(), String> {
         let values = self.values.as_bytes();
-        for stretch in &self.stretches {
-            let payload = outputs.bytes_mut(stretch.port);
-            payload[stretch.of_payload()].copy_from_slice(&values[stretch.of_values()]);
+        for range in &self.ranges {
+            let payload = outputs.bytes_mut(range.port);
+            payload[range.of_payload()].copy_from_slice(&values[range.of_values()]);
         }
         let mut slots = self.slots.iter();
         slots.try_for_each(|slot| slot.write(&self.values, outputs.bytes_mut(slot.port)))
     }
 }
 
-impl Stretch {
+impl ContiguousRange {
     fn of_payload(&self) -> Range<usize> {
         self.offset..self.offset + self.len
     }
@@ -111,7 +111,7 @@ impl Stretch {
     }
 
     /// Whether `next` continues this range, in the payload and in the values.
-    fn is_before(&self, next: &Stretch) -> bool {
+    fn is_before(&self, next: &ContiguousRange) -> bool {
         (self.port, self.offset + self.len, self.first + self.len) == (next.port, next.offset, next.first)
     }
 }

@@ -74,15 +74,15 @@ pub struct Archive {
     entries: Vec<Entry>,
 }
 
-fn half(bytes: &[u8], at: usize) -> Option<u16> {
+fn read_u16(bytes: &[u8], at: usize) -> Option<u16> {
     Some(u16::from_le_bytes(bytes.get(at..at.checked_add(2)?)?.try_into().ok()?))
 }
 
-fn word(bytes: &[u8], at: usize) -> Option<u32> {
+fn read_u32(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(bytes.get(at..at.checked_add(4)?)?.try_into().ok()?))
 }
 
-fn long(bytes: &[u8], at: usize) -> Option<u64> {
+fn read_u64(bytes: &[u8], at: usize) -> Option<u64> {
     Some(u64::from_le_bytes(bytes.get(at..at.checked_add(8)?)?.try_into().ok()?))
 }
 
@@ -97,12 +97,12 @@ impl Archive {
         let latest = latest.ok_or(ZipError::NoArchive("it is too short"))?;
         let earliest = latest.saturating_sub(usize::from(u16::MAX));
         let end = (earliest..=latest).rev().find(|&at| {
-            word(&bytes, at) == Some(END)
-                && half(&bytes, at + 20).is_some_and(|comment| at + END_SIZE + usize::from(comment) == bytes.len())
+            read_u32(&bytes, at) == Some(END)
+                && read_u16(&bytes, at + 20).is_some_and(|comment| at + END_SIZE + usize::from(comment) == bytes.len())
         });
         let end = end.ok_or(ZipError::NoArchive("it has no directory at its end"))?;
-        let count = half(&bytes, end + 10).ok_or(CUT)?;
-        let mut at = word(&bytes, end + 16).ok_or(CUT)? as usize;
+        let count = read_u16(&bytes, end + 10).ok_or(CUT)?;
+        let mut at = read_u32(&bytes, end + 16).ok_or(CUT)? as usize;
         if count == u16::MAX || at == u32::MAX as usize {
             return Err(ZipError::NoArchive(
                 "it is larger than 4 GiB or has more than 65534 files (ZIP64)",
@@ -151,10 +151,10 @@ impl Archive {
     fn entry(&self, at: usize) -> Result<(Entry, usize), ZipError> {
         const CUT: ZipError = ZipError::NoArchive("its directory is cut off");
         let bytes = &self.bytes;
-        if word(bytes, at) != Some(CENTRAL) {
+        if read_u32(bytes, at) != Some(CENTRAL) {
             return Err(ZipError::NoArchive("its directory has something else in it"));
         }
-        let field = |offset| half(bytes, at + offset).ok_or(CUT);
+        let field = |offset| read_u16(bytes, at + offset).ok_or(CUT);
         let (name_len, extra_len, comment_len) = (field(28)?, field(30)?, field(32)?);
         let name_at = at + CENTRAL_SIZE;
         let extra_at = name_at + usize::from(name_len);
@@ -177,16 +177,16 @@ impl Archive {
         // The upper half of the attributes is a Unix mode where the entry was created on a Unix system.
         let unix = field(4)? >> 8 == 3;
         let mode = if unix {
-            word(bytes, at + 38).ok_or(CUT)? >> 16
+            read_u32(bytes, at + 38).ok_or(CUT)? >> 16
         } else {
             0
         };
         if mode & 0o170_000 == 0o120_000 {
             return Err(refuse(&name, "it is a symbolic link"));
         }
-        let size = |offset| word(bytes, at + offset).ok_or(CUT);
-        let (packed, unpacked, local) =
-            wide(extra, size(20)?, size(24)?, size(42)?).ok_or_else(|| refuse(&name, "its ZIP64 sizes are missing"))?;
+        let size = |offset| read_u32(bytes, at + offset).ok_or(CUT);
+        let (packed, unpacked, local) = zip64_sizes(extra, size(20)?, size(24)?, size(42)?)
+            .ok_or_else(|| refuse(&name, "its ZIP64 sizes are missing"))?;
         let entry = Entry {
             size: if folder { 0 } else { unpacked },
             packed,
@@ -221,10 +221,10 @@ impl Archive {
     fn contents(&self, entry: &Entry) -> Result<Vec<u8>, ZipError> {
         let cut = || refuse(&entry.name, "it is cut off");
         let at = usize::try_from(entry.at).map_err(|_| cut())?;
-        if word(&self.bytes, at) != Some(LOCAL) {
+        if read_u32(&self.bytes, at) != Some(LOCAL) {
             return Err(refuse(&entry.name, "there is something else where it should start"));
         }
-        let (name, extra) = (half(&self.bytes, at + 26), half(&self.bytes, at + 28));
+        let (name, extra) = (read_u16(&self.bytes, at + 26), read_u16(&self.bytes, at + 28));
         let start = at + LOCAL_SIZE + usize::from(name.ok_or_else(cut)?) + usize::from(extra.ok_or_else(cut)?);
         let packed = usize::try_from(entry.packed)
             .ok()
@@ -288,10 +288,10 @@ fn refuse(name: &str, reason: impl Into<String>) -> ZipError {
 
 /// Packed size, size and position; the extra field has those that do not fit into 32 bits, in the order size, packed size,
 /// position.
-fn wide(extra: &[u8], packed: u32, unpacked: u32, local: u32) -> Option<(u64, u64, u64)> {
+fn zip64_sizes(extra: &[u8], packed: u32, unpacked: u32, local: u32) -> Option<(u64, u64, u64)> {
     let mut at = 0;
     let mut long_sizes: &[u8] = &[];
-    while let (Some(id), Some(len)) = (half(extra, at), half(extra, at + 2)) {
+    while let (Some(id), Some(len)) = (read_u16(extra, at), read_u16(extra, at + 2)) {
         let end = at + 4 + usize::from(len);
         if id == 1 {
             long_sizes = extra.get(at + 4..end)?;
@@ -304,7 +304,7 @@ fn wide(extra: &[u8], packed: u32, unpacked: u32, local: u32) -> Option<(u64, u6
             return Some(u64::from(short));
         }
         next += 8;
-        long(long_sizes, next - 8)
+        read_u64(long_sizes, next - 8)
     };
     let unpacked = take(unpacked)?;
     let packed = take(packed)?;

@@ -11,7 +11,7 @@ const HEADER: usize = 20;
 const SHARED: u16 = 3;
 
 /// The machine type of this program, as an ELF number, and its name.
-const OWN: (u16, &str) = if cfg!(target_arch = "x86_64") {
+const OWN_MACHINE: (u16, &str) = if cfg!(target_arch = "x86_64") {
     (62, "x86-64")
 } else if cfg!(target_arch = "aarch64") {
     (183, "AArch64")
@@ -43,11 +43,11 @@ pub fn look(file: &Path) -> Result<(), LoadError> {
     }
     let machine = u16::from_le_bytes([header[18], header[19]]);
     // 64 bits, little-endian.
-    if (header[4], header[5]) != (2, 1) || (OWN.0 != 0 && machine != OWN.0) {
+    if (header[4], header[5]) != (2, 1) || (OWN_MACHINE.0 != 0 && machine != OWN_MACHINE.0) {
         return Err(LoadError::Machine {
             file: file.to_owned(),
-            found: name(header[4], machine),
-            own: OWN.1,
+            found: machine_name(header[4], machine),
+            own: OWN_MACHINE.1,
         });
     }
     if u16::from_le_bytes([header[16], header[17]]) != SHARED {
@@ -56,7 +56,7 @@ pub fn look(file: &Path) -> Result<(), LoadError> {
     Ok(())
 }
 
-fn name(class: u8, machine: u16) -> String {
+fn machine_name(class: u8, machine: u16) -> String {
     let known = match machine {
         3 => "x86",
         40 => "Arm",

@@ -84,33 +84,33 @@ pub mod __private {
     }
 }
 
-/// A participant with buffers of its own.
-struct Own {
+/// A participant with its own buffers.
+struct PluginInstance {
     participant: Box<dyn Participant>,
     interface: Interface,
     inputs: Inputs,
     outputs: Outputs,
     /// Whether the participant has panicked: its state may be inconsistent, so it is not called again.
-    torn: Cell<bool>,
+    panicked: Cell<bool>,
 }
 
 /// The log of the host, which adds the name and the time.
-struct Across(*const Host);
+struct HostLog(*const Host);
 
 // SAFETY: the host exists until the end of `terminate`, at the same address, and only the participant's own calls write to it, which are
 // sequential.
-unsafe impl Send for Across {}
+unsafe impl Send for HostLog {}
 // SAFETY: as above.
-unsafe impl Sync for Across {}
+unsafe impl Sync for HostLog {}
 
-impl Sink for Across {
+impl Sink for HostLog {
     fn say(&self, line: &Line<'_>) {
         // SAFETY: the host exists, and copies the text.
         unsafe { ((*self.0).log)(self.0, text(&line.text.to_string()).as_ptr()) }
     }
 }
 
-/// Why the participant's part is over; `None` for one that has not begun. An older host without this function counts as `STOPPED`.
+/// Why the participant is terminated; `None` for one that was not initialised. An older host without this function counts as `STOPPED`.
 ///
 /// # Safety
 /// The host must be the one of the call.
@@ -135,14 +135,14 @@ fn text(text: &str) -> CString {
 }
 
 /// Does `work` and reports a failure to the host. Panics do not propagate.
-fn guarded(host: *const Host, work: impl FnOnce() -> Result<(), String>) -> Status {
+fn catch_failure(host: *const Host, work: impl FnOnce() -> Result<(), String>) -> Status {
     let failure = match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => return OK,
         Ok(Err(failure)) => failure,
         Err(panic) => {
-            let said = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-            let said = said.or_else(|| panic.downcast_ref::<String>().cloned());
-            format!("it panicked: {}", said.as_deref().unwrap_or("without a message"))
+            let message = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+            let message = message.or_else(|| panic.downcast_ref::<String>().cloned());
+            format!("it panicked: {}", message.as_deref().unwrap_or("without a message"))
         }
     };
     // SAFETY: the host is the one of the call, and copies the text.
@@ -151,18 +151,18 @@ fn guarded(host: *const Host, work: impl FnOnce() -> Result<(), String>) -> Stat
 
 /// # Safety
 /// `own` must be the pointer that `describe` returned.
-unsafe fn own<'a>(own: *mut c_void) -> &'a mut Own {
+unsafe fn instance_at<'a>(own: *mut c_void) -> &'a mut PluginInstance {
     // SAFETY: guaranteed by the caller; the host's calls are sequential.
-    unsafe { &mut *own.cast::<Own>() }
+    unsafe { &mut *own.cast::<PluginInstance>() }
 }
 
-impl Own {
-    fn whole(&mut self, work: impl FnOnce(&mut Own) -> Result<(), String>) -> Result<(), String> {
-        if self.torn.replace(true) {
+impl PluginInstance {
+    fn unless_panicked(&mut self, work: impl FnOnce(&mut PluginInstance) -> Result<(), String>) -> Result<(), String> {
+        if self.panicked.replace(true) {
             return Err("it panicked before".into());
         }
         let done = work(self);
-        self.torn.set(false);
+        self.panicked.set(false);
         done
     }
 }
@@ -191,28 +191,28 @@ unsafe extern "C-unwind" fn describe<E: __private::Export>(host: *const Host, pl
         };
         let interface = participant.interface();
         // SAFETY: the host is the one of the call.
-        unsafe { tell(host, offered, &interface)? };
+        unsafe { report_ports(host, offered, &interface)? };
         let (inputs, mut outputs) = (Inputs::zeroed(&interface), Outputs::zeroed(&interface));
-        outputs.set_log(Log::new(&setup.name, Some(Arc::new(Across(host)))));
-        let own = Box::new(Own {
+        outputs.set_log(Log::new(&setup.name, Some(Arc::new(HostLog(host)))));
+        let own = Box::new(PluginInstance {
             participant,
             interface,
             inputs,
             outputs,
-            torn: Cell::new(false),
+            panicked: Cell::new(false),
         });
         // SAFETY: the host provides the place.
         unsafe { place.write(Box::into_raw(own).cast()) };
         Ok(())
     };
-    guarded(host, work)
+    catch_failure(host, work)
 }
 
 /// Reports the ports to the host.
 ///
 /// # Safety
 /// The host must be the one of the call.
-unsafe fn tell(host: *const Host, offered: &Host, interface: &Interface) -> Result<(), String> {
+unsafe fn report_ports(host: *const Host, offered: &Host, interface: &Interface) -> Result<(), String> {
     let kind = match interface.kind {
         Kind::Sampled => table::SAMPLED,
         Kind::Continuous => table::CONTINUOUS,
@@ -299,12 +299,12 @@ fn with_message(descriptor: &Descriptor, give: impl FnOnce(*const Message) -> St
 ///
 /// # Safety
 /// `places` must be those of the call.
-unsafe fn through(
-    own: &mut Own,
+unsafe fn with_outputs(
+    own: &mut PluginInstance,
     places: *const *mut c_void,
-    work: impl FnOnce(&mut Own) -> Result<(), String>,
+    work: impl FnOnce(&mut PluginInstance) -> Result<(), String>,
 ) -> Result<(), String> {
-    let size = |own: &Own, port: usize| own.interface.outputs[port].descriptor.size as usize;
+    let size = |own: &PluginInstance, port: usize| own.interface.outputs[port].descriptor.size as usize;
     for port in 0..own.interface.outputs.len() {
         // SAFETY: the host provides a buffer of the size of each output.
         let place = unsafe { std::slice::from_raw_parts((*places.add(port)).cast::<u8>(), size(own, port)) };
@@ -325,13 +325,15 @@ unsafe extern "C-unwind" fn initialise(
     t: f64,
     outputs: *const *mut c_void,
 ) -> Status {
-    let start = |own: &mut Own| {
+    let start = |own: &mut PluginInstance| {
         own.participant
             .initialise(t, &mut own.outputs)
             .map_err(|error| error.to_string())
     };
     // SAFETY: the arguments are those of the call.
-    guarded(host, || unsafe { own(at).whole(|own| through(own, outputs, start)) })
+    catch_failure(host, || unsafe {
+        instance_at(at).unless_panicked(|own| with_outputs(own, outputs, start))
+    })
 }
 
 unsafe extern "C-unwind" fn step(
@@ -341,7 +343,7 @@ unsafe extern "C-unwind" fn step(
     inputs: *const *const c_void,
     outputs: *const *mut c_void,
 ) -> Status {
-    let go = |own: &mut Own| {
+    let go = |own: &mut PluginInstance| {
         // SAFETY: the step is the one of the call.
         let step = unsafe { &*step };
         for (port, about) in own.interface.inputs.iter().enumerate() {
@@ -360,14 +362,16 @@ unsafe extern "C-unwind" fn step(
         done.map_err(|error| error.to_string())
     };
     // SAFETY: the arguments are those of the call.
-    guarded(host, || unsafe { own(at).whole(|own| through(own, outputs, go)) })
+    catch_failure(host, || unsafe {
+        instance_at(at).unless_panicked(|own| with_outputs(own, outputs, go))
+    })
 }
 
 unsafe extern "C-unwind" fn save(host: *const Host, at: *mut c_void) -> Status {
-    guarded(host, || {
+    catch_failure(host, || {
         // SAFETY: the arguments are those of the call.
-        let own = unsafe { own(at) };
-        own.whole(|own| {
+        let own = unsafe { instance_at(at) };
+        own.unless_panicked(|own| {
             let Some(state) = own.participant.save() else {
                 return own.participant.save_failure().map_or(Ok(()), Err);
             };
@@ -379,20 +383,25 @@ unsafe extern "C-unwind" fn save(host: *const Host, at: *mut c_void) -> Status {
 }
 
 unsafe extern "C-unwind" fn restore(host: *const Host, at: *mut c_void, bytes: *const c_void, size: u64) -> Status {
-    guarded(host, || {
+    catch_failure(host, || {
         // SAFETY: the arguments are those of the call.
-        let (own, state) = unsafe { (own(at), std::slice::from_raw_parts(bytes.cast::<u8>(), size as usize)) };
-        own.whole(|own| own.participant.restore(state).map_err(|error| error.to_string()))
+        let (own, state) = unsafe {
+            (
+                instance_at(at),
+                std::slice::from_raw_parts(bytes.cast::<u8>(), size as usize),
+            )
+        };
+        own.unless_panicked(|own| own.participant.restore(state).map_err(|error| error.to_string()))
     })
 }
 
 unsafe extern "C-unwind" fn terminate(host: *const Host, at: *mut c_void) {
-    guarded(host, || {
+    catch_failure(host, || {
         // SAFETY: `describe` created it from a box, and it is not used again.
-        let mut own = unsafe { Box::from_raw(at.cast::<Own>()) };
+        let mut own = unsafe { Box::from_raw(at.cast::<PluginInstance>()) };
         // SAFETY: the host is the one of the call.
         let why = unsafe { termination(host) };
-        if let Some(why) = why.filter(|_| !own.torn.get()) {
+        if let Some(why) = why.filter(|_| !own.panicked.get()) {
             let log = own.outputs.log_of().clone();
             own.participant.terminate(why, &log);
         }

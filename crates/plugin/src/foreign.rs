@@ -10,7 +10,7 @@ use lockstep::participant::{
 use lockstep::port::Descriptor;
 
 use crate::guarded::Guarded;
-use crate::seat::Seat;
+use crate::host_context::HostContext;
 use crate::table::{self, Host, OK, SEEN_EVER, SEEN_NOW, Status, Table};
 
 /// A participant that is implemented by a table of functions, of a library or of the program itself.
@@ -19,7 +19,7 @@ use crate::table::{self, Host, OK, SEEN_EVER, SEEN_NOW, Status, Table};
 /// participant that writes out of bounds, or to an input, fails, and has not corrupted other memory.
 pub struct Foreign {
     table: &'static Table,
-    seat: NonNull<Seat>,
+    context: NonNull<HostContext>,
     /// The participant's own data.
     own: *mut c_void,
     interface: Interface,
@@ -39,18 +39,18 @@ pub struct Foreign {
 // SAFETY: the functions of a table may be called from any thread, sequentially; nothing in here is shared with another thread.
 unsafe impl Send for Foreign {}
 
-/// Owns a seat until its participant has been created.
-struct Made(NonNull<Seat>);
+/// Owns a host context until its participant has been created.
+struct ContextOwner(NonNull<HostContext>);
 
-impl Made {
-    fn keep(self) -> NonNull<Seat> {
-        let seat = self.0;
+impl ContextOwner {
+    fn into_inner(self) -> NonNull<HostContext> {
+        let context = self.0;
         std::mem::forget(self);
-        seat
+        context
     }
 }
 
-impl Drop for Made {
+impl Drop for ContextOwner {
     fn drop(&mut self) {
         // SAFETY: it comes from a box, and is dropped only here.
         drop(unsafe { Box::from_raw(self.0.as_ptr()) });
@@ -63,33 +63,33 @@ impl Foreign {
     /// # Errors
     /// A parameter that it rejects or does not know, or invalid ports.
     pub fn make(table: &'static Table, setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
-        let made = Made(NonNull::from(Box::leak(Box::new(Seat::new(setup)))));
+        let owner = ContextOwner(NonNull::from(Box::leak(Box::new(HostContext::new(setup)))));
         let unusable = |reason: String| ParameterError::new(crate::NO_PARTICIPANT, reason);
         let mut memory = (table.own_size > 0).then(|| Guarded::zeroed([table.own_size as usize]));
         let given = memory.as_mut().and_then(|memory| memory.addresses().next());
         let given: *mut c_void = given.map_or(std::ptr::null_mut(), <*mut u8>::cast);
         let mut own = given;
-        // SAFETY: the seat lives; the table has been checked.
-        let said = unsafe { &made.0.as_ref().said };
+        // SAFETY: the context lives; the table has been checked.
+        let data = unsafe { &owner.0.as_ref().data };
         let describe = table.describe.ok_or_else(|| unusable("it has no `describe`".into()))?;
-        said.describing.set(true);
-        let (host, place) = (made.0.as_ptr().cast_const().cast(), &raw mut own);
+        data.describing.set(true);
+        let (host, place) = (owner.0.as_ptr().cast_const().cast(), &raw mut own);
         // SAFETY: the arguments satisfy the ABI.
-        let status = said.guard.call("describe", || unsafe { describe(host, place) });
-        said.describing.set(false);
+        let status = data.guard.call("describe", || unsafe { describe(host, place) });
+        data.describing.set(false);
         if status != OK {
-            let refusal = said.refusal.take();
+            let refusal = data.refusal.take();
             let failure = || {
-                said.failure
+                data.failure
                     .take()
-                    .unwrap_or_else(|| without_reason("describe", status))
+                    .unwrap_or_else(|| missing_reason_text("describe", status))
             };
             return Err(refusal.unwrap_or_else(|| ParameterError::new("", failure())));
         }
         // From here on the participant is terminated, whatever fails afterwards.
         let mut foreign = Foreign {
             table,
-            seat: made.keep(),
+            context: owner.into_inner(),
             own,
             interface: Interface::new(lockstep::participant::Kind::Sampled),
             memory,
@@ -100,7 +100,7 @@ impl Foreign {
             has_log: false,
             terminated: false,
         };
-        foreign.interface = foreign.said().interface()?;
+        foreign.interface = foreign.data().interface()?;
         if !given.is_null() && foreign.own != given {
             foreign.own = given;
             let reason = "its `describe` put something else in the place of the memory that it was given; with an own_size of 0 it \
@@ -108,12 +108,12 @@ impl Foreign {
             return Err(unusable(reason.into()));
         }
         foreign
-            .look("describe")
+            .check_guards("describe")
             .map_err(|failure| unusable(failure.to_string()))?;
         let ports = foreign.interface.outputs.iter();
         foreign.outputs = Guarded::zeroed(ports.map(|port| port.descriptor.size as usize));
         foreign.outputs_at = foreign.outputs.addresses().map(<*mut u8>::cast).collect();
-        *foreign.said().seen.borrow_mut() = vec![0; foreign.interface.outputs.len()];
+        *foreign.data().seen.borrow_mut() = vec![0; foreign.interface.outputs.len()];
         let ports = foreign.interface.inputs.iter();
         foreign.inputs = Guarded::zeroed(ports.map(|port| match port.descriptor.size {
             size @ 0..=Descriptor::PARTS_MAX => size as usize,
@@ -124,9 +124,9 @@ impl Foreign {
         Ok(Box::new(foreign))
     }
 
-    fn said(&self) -> &crate::seat::Said {
-        // SAFETY: the seat lives as long as this.
-        unsafe { &self.seat.as_ref().said }
+    fn data(&self) -> &crate::host_context::HostData {
+        // SAFETY: the context lives as long as this.
+        unsafe { &self.context.as_ref().data }
     }
 
     /// Calls one of the participant's functions, at the instant `t`.
@@ -136,22 +136,22 @@ impl Foreign {
         t: Option<f64>,
         call: impl FnOnce(*const Host, *mut c_void) -> Status,
     ) -> Result<(), Failure> {
-        let said = self.said();
-        said.now.set(t);
-        let status = (said.guard).call(function, || call(self.seat.as_ptr().cast_const().cast(), self.own));
-        let failure = said.failure.take();
-        self.look(function)?;
+        let data = self.data();
+        data.now.set(t);
+        let status = (data.guard).call(function, || call(self.context.as_ptr().cast_const().cast(), self.own));
+        let failure = data.failure.take();
+        self.check_guards(function)?;
         match failure {
             Some(reason) => Err(reason.into()),
             None if status == OK => Ok(()),
-            None => Err(without_reason(function, status).into()),
+            None => Err(missing_reason_text(function, status).into()),
         }
     }
 
     /// Checks that the guards are intact.
-    fn look(&self, function: &str) -> Result<(), Failure> {
+    fn check_guards(&self, function: &str) -> Result<(), Failure> {
         let past = |overrun| if overrun { "past the end" } else { "before the start" };
-        if let Some((_, overrun)) = self.memory.as_ref().and_then(Guarded::broken) {
+        if let Some((_, overrun)) = self.memory.as_ref().and_then(Guarded::first_broken) {
             return Err(format!(
                 "its function `{function}` wrote {} of its own memory, which has {} bytes: make own_size the size of the struct",
                 past(overrun),
@@ -159,10 +159,10 @@ impl Foreign {
             )
             .into());
         }
-        let (what, name, descriptor, overrun) = if let Some((number, overrun)) = self.outputs.broken() {
+        let (what, name, descriptor, overrun) = if let Some((number, overrun)) = self.outputs.first_broken() {
             let port = &self.interface.outputs[number];
             ("output", &port.name, &port.descriptor, overrun)
-        } else if let Some((number, overrun)) = self.inputs.broken() {
+        } else if let Some((number, overrun)) = self.inputs.first_broken() {
             let port = &self.interface.inputs[number];
             ("input", &port.name, &port.descriptor, overrun)
         } else {
@@ -178,7 +178,7 @@ impl Foreign {
     }
 
     /// Copies in the inputs of a step.
-    fn show(&mut self, inputs: &Inputs) {
+    fn copy_inputs(&mut self, inputs: &Inputs) {
         for (port, place) in self.inputs_at.iter_mut().enumerate() {
             let (copy, bytes) = (self.inputs.piece_mut(port), inputs.bytes(port));
             match copy.len() == bytes.len() {
@@ -188,8 +188,8 @@ impl Foreign {
         }
     }
 
-    /// Checks that no copy of an input has changed since [`Foreign::show`].
-    fn unchanged(&self, inputs: &Inputs) -> Result<(), Failure> {
+    /// Checks that no copy of an input has changed since [`Foreign::copy_inputs`].
+    fn check_inputs_unchanged(&self, inputs: &Inputs) -> Result<(), Failure> {
         for (number, port) in self.interface.inputs.iter().enumerate() {
             let (copy, bytes) = (self.inputs.piece(number), inputs.bytes(number));
             if copy.len() == bytes.len() && copy != bytes {
@@ -204,11 +204,11 @@ impl Foreign {
     }
 
     /// Copies in the current outputs, whether they are seen, and the log.
-    fn take(&mut self, outputs: &mut Outputs) {
+    fn load_outputs(&mut self, outputs: &mut Outputs) {
         if !std::mem::replace(&mut self.has_log, true) {
-            *self.said().log.borrow_mut() = Some(outputs.log_of().clone());
+            *self.data().log.borrow_mut() = Some(outputs.log_of().clone());
         }
-        let mut seen = self.said().seen.borrow_mut();
+        let mut seen = self.data().seen.borrow_mut();
         let bits =
             |port| u32::from(outputs.is_seen(port)) * SEEN_NOW + u32::from(outputs.is_ever_seen(port)) * SEEN_EVER;
         seen.iter_mut().enumerate().for_each(|(port, seen)| *seen = bits(port));
@@ -218,14 +218,14 @@ impl Foreign {
         }
     }
 
-    fn give(&self, outputs: &mut Outputs) {
+    fn store_outputs(&self, outputs: &mut Outputs) {
         for port in 0..self.interface.outputs.len() {
             outputs.bytes_mut(port).copy_from_slice(self.outputs.piece(port));
         }
     }
 }
 
-fn without_reason(function: &str, status: Status) -> String {
+fn missing_reason_text(function: &str, status: Status) -> String {
     format!("its function `{function}` returned {status} and gave no reason: return escapement_fail(host, \"…\")")
 }
 
@@ -238,13 +238,13 @@ impl Participant for Foreign {
         let Some(initialise) = self.table.initialise else {
             return Ok(());
         };
-        self.take(outputs);
+        self.load_outputs(outputs);
         let places = self.outputs_at.as_ptr();
         // SAFETY: the arguments satisfy the ABI.
         self.call("initialise", Some(t), |host, own| unsafe {
             initialise(host, own, t, places)
         })?;
-        self.give(outputs);
+        self.store_outputs(outputs);
         Ok(())
     }
 
@@ -252,10 +252,10 @@ impl Participant for Foreign {
         let Some(function) = self.table.step else {
             return Err("it has no `step`".into());
         };
-        self.show(inputs);
+        self.copy_inputs(inputs);
         // An output that a step does not write keeps its last value, which an earlier participant may have written: replacements occur
         // during the run.
-        self.take(outputs);
+        self.load_outputs(outputs);
         let (from, to) = (self.inputs_at.as_ptr(), self.outputs_at.as_ptr());
         let now = table::Step {
             size: size_of::<table::Step>() as u32,
@@ -269,19 +269,19 @@ impl Participant for Foreign {
         self.call("step", Some(step.t), |host, own| unsafe {
             function(host, own, &raw const now, from, to)
         })?;
-        self.unchanged(inputs)?;
-        self.give(outputs);
+        self.check_inputs_unchanged(inputs)?;
+        self.store_outputs(outputs);
         Ok(())
     }
 
     fn terminate(&mut self, why: Termination, log: &Log) {
-        self.said().termination.set(match why {
+        self.data().termination.set(match why {
             Termination::Finished => table::FINISHED,
             Termination::Stopped => table::STOPPED,
             Termination::Replaced => table::REPLACED,
         });
-        *self.said().log.borrow_mut() = Some(log.clone());
-        self.end(log.time());
+        *self.data().log.borrow_mut() = Some(log.clone());
+        self.terminate_once(log.time());
     }
 
     fn save(&self) -> Option<Vec<u8>> {
@@ -292,21 +292,21 @@ impl Participant for Foreign {
                 _ => None,
             };
         };
-        let said = self.said();
-        *said.state.borrow_mut() = None;
-        *said.unsaved.borrow_mut() = None;
+        let data = self.data();
+        *data.state.borrow_mut() = None;
+        *data.unsaved.borrow_mut() = None;
         // SAFETY: the arguments satisfy the ABI.
-        let saved = self.call("save", said.now.get(), |host, own| unsafe { save(host, own) });
+        let saved = self.call("save", data.now.get(), |host, own| unsafe { save(host, own) });
         if let Err(failure) = saved {
-            said.say(&failure.to_string());
-            *said.unsaved.borrow_mut() = Some(failure.to_string());
+            data.log_line(&failure.to_string());
+            *data.unsaved.borrow_mut() = Some(failure.to_string());
             return None;
         }
-        said.state.take()
+        data.state.take()
     }
 
     fn save_failure(&self) -> Option<String> {
-        self.said().unsaved.borrow().clone()
+        self.data().unsaved.borrow().clone()
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
@@ -333,18 +333,19 @@ impl Participant for Foreign {
 }
 
 impl Foreign {
-    fn end(&mut self, t: Option<f64>) {
+    fn terminate_once(&mut self, t: Option<f64>) {
         if let Some(terminate) = self.table.terminate
             && !std::mem::replace(&mut self.terminated, true)
         {
             // SAFETY: the arguments satisfy the ABI, and nothing is called afterwards.
-            let told = self.call("terminate", t, |host, own| unsafe {
+            let ended = self.call("terminate", t, |host, own| unsafe {
                 terminate(host, own);
                 OK
             });
             // Nothing depends on the participant any more.
-            if let Err(failure) = told {
-                self.said().say(&format!("its function `terminate` failed: {failure}"));
+            if let Err(failure) = ended {
+                self.data()
+                    .log_line(&format!("its function `terminate` failed: {failure}"));
             }
         }
     }
@@ -352,8 +353,8 @@ impl Foreign {
 
 impl Drop for Foreign {
     fn drop(&mut self) {
-        self.end(None);
+        self.terminate_once(None);
         // SAFETY: it comes from a box, and is dropped only here.
-        drop(unsafe { Box::from_raw(self.seat.as_ptr()) });
+        drop(unsafe { Box::from_raw(self.context.as_ptr()) });
     }
 }

@@ -62,11 +62,11 @@ impl Guarded {
 
     /// `None` if all guards are intact; otherwise the piece whose guard is not, and whether it was written past its end (or before its
     /// start).
-    pub(crate) fn broken(&self) -> Option<(usize, bool)> {
+    pub(crate) fn first_broken(&self) -> Option<(usize, bool)> {
         let bytes = self.bytes();
         let mut from = 0;
         for (piece, &(start, size)) in self.pieces.iter().enumerate() {
-            if !whole(&bytes[from..start]) {
+            if !is_intact(&bytes[from..start]) {
                 // A guard between two pieces: the nearer piece is the one that broke it.
                 let first = from + bytes[from..start].iter().position(|byte| *byte != PATTERN).unwrap_or(0);
                 return Some(if piece > 0 && first - from < start - first {
@@ -77,12 +77,12 @@ impl Guarded {
             }
             from = start + size;
         }
-        (!self.pieces.is_empty() && !whole(&bytes[from..])).then(|| (self.pieces.len() - 1, true))
+        (!self.pieces.is_empty() && !is_intact(&bytes[from..])).then(|| (self.pieces.len() - 1, true))
     }
 }
 
 /// Whether a guard is intact. Checks all bytes without branching: it is on the path of every step.
-fn whole(guard: &[u8]) -> bool {
+fn is_intact(guard: &[u8]) -> bool {
     guard.iter().fold(0, |found, byte| found | (byte ^ PATTERN)) == 0
 }
 
@@ -91,24 +91,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_byte_past_any_end_is_found() {
+    fn guard_detects_write_one_byte_past_piece() {
         for piece in 0..3 {
             for (past, overrun) in [(true, true), (false, false)] {
                 let mut guarded = Guarded::zeroed([8, 13, 216]);
-                assert_eq!(guarded.broken(), None);
+                assert_eq!(guarded.first_broken(), None);
                 assert!(guarded.piece(piece).iter().all(|byte| *byte == 0));
                 let size = guarded.pieces[piece].1;
                 let at = guarded.addresses().nth(piece).unwrap();
                 assert_eq!(at as usize % ALIGNMENT, 0);
                 // SAFETY: there is a guard on both sides.
                 unsafe { if past { at.add(size) } else { at.sub(1) }.write(1) };
-                assert_eq!(guarded.broken(), Some((piece, overrun)), "piece {piece}");
+                assert_eq!(guarded.first_broken(), Some((piece, overrun)), "piece {piece}");
             }
         }
     }
 
     #[test]
-    fn nothing_to_guard_is_whole() {
-        assert_eq!(Guarded::zeroed([]).broken(), None);
+    fn guarded_memory_without_pieces_is_intact() {
+        assert_eq!(Guarded::zeroed([]).first_broken(), None);
     }
 }

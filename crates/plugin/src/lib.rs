@@ -14,11 +14,11 @@ mod elf;
 mod export;
 mod foreign;
 mod guarded;
+mod host_context;
 mod library;
 mod load_error;
 mod message;
 mod parameters;
-mod seat;
 pub mod table;
 
 use std::path::Path;

@@ -76,9 +76,9 @@ impl Library {
             tables,
         };
         match library.tables.len() {
-            0 => Err(library.which("has no participant: name one in ESCAPEMENT_PLUGIN(&table)".into())),
+            0 => Err(library.selection_error("has no participant: name one in ESCAPEMENT_PLUGIN(&table)".into())),
             count if count > PARTICIPANTS_MAX as usize => {
-                Err(library.which(format!("has more than {PARTICIPANTS_MAX} participants")))
+                Err(library.selection_error(format!("has more than {PARTICIPANTS_MAX} participants")))
             }
             _ => Ok(library),
         }
@@ -95,7 +95,7 @@ impl Library {
         };
         match (name, self.tables.as_slice()) {
             (None, [only]) => Ok(only),
-            (None, _) => Err(self.which(format!(
+            (None, _) => Err(self.selection_error(format!(
                 "has several participants, {}: choose one with participant = \"NAME\"",
                 names()
             ))),
@@ -103,12 +103,12 @@ impl Library {
                 let found = all.iter().find(|table| table.name() == name);
                 found
                     .copied()
-                    .ok_or_else(|| self.which(format!("has no participant `{name}`; it has {}", names())))
+                    .ok_or_else(|| self.selection_error(format!("has no participant `{name}`; it has {}", names())))
             }
         }
     }
 
-    fn which(&self, reason: String) -> LoadError {
+    fn selection_error(&self, reason: String) -> LoadError {
         LoadError::Which {
             file: self.file.clone(),
             reason,

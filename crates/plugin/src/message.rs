@@ -41,22 +41,22 @@ pub(crate) unsafe fn descriptor(message: *const Message) -> Result<Descriptor, S
     let list = unsafe { std::slice::from_raw_parts(message.fields, message.field_count as usize) };
     let mut fields = Vec::new();
     for (number, field) in list.iter().enumerate() {
-        let odd = |what: String| format!("message `{name}`, field number {}: {what}", number + 1);
+        let field_error = |what: String| format!("message `{name}`, field number {}: {what}", number + 1);
         // SAFETY: as above.
         let (own, unit) = unsafe { (table::text(field.name), table::text(field.unit)) };
         let (Some(own), Some(unit)) = (own, unit) else {
-            return Err(odd("its name or unit is NULL, or not UTF-8".into()));
+            return Err(field_error("its name or unit is NULL, or not UTF-8".into()));
         };
         let shape = field.extents.get(..field.rank as usize).ok_or_else(|| {
-            odd(format!(
+            field_error(format!(
                 "it has {} extents; at most {} are allowed",
                 field.rank,
                 table::RANK_MAX
             ))
         })?;
-        let (element, shape) = element(field.element, shape).map_err(odd)?;
+        let (element, shape) = element(field.element, shape).map_err(field_error)?;
         let (unit, values) = match element {
-            Element::Enum => ("1", EnumValue::list(unit).map_err(odd)?),
+            Element::Enum => ("1", EnumValue::list(unit).map_err(field_error)?),
             _ => (unit, Vec::new()),
         };
         fields.push(Field {

@@ -14,7 +14,7 @@ pub const NO_PARTICIPANT: &str = "(participant)";
 #[derive(Debug)]
 pub struct Parameters {
     table: Table,
-    asked: RefCell<BTreeSet<String>>,
+    read_keys: RefCell<BTreeSet<String>>,
     /// Whether the participant reads the whole text itself.
     whole: Cell<bool>,
 }
@@ -27,7 +27,7 @@ impl Parameters {
     pub fn new(table: Table) -> Parameters {
         Parameters {
             table,
-            asked: RefCell::default(),
+            read_keys: RefCell::default(),
             whole: Cell::new(false),
         }
     }
@@ -47,7 +47,7 @@ impl Parameters {
     /// # Errors
     /// When a required one is missing.
     pub fn get(&self, key: &str, required: bool) -> Found<&Value> {
-        self.asked.borrow_mut().insert(key.to_owned());
+        self.read_keys.borrow_mut().insert(key.to_owned());
         let mut parts = key.split('.');
         let first = parts.next().and_then(|first| self.table.get(first));
         let found = parts.fold(first, |value, part| value?.as_table()?.get(part));
@@ -98,8 +98,8 @@ impl Parameters {
         if !fits {
             return refuse(format!("{value}: {wanted}"));
         }
-        if let Some(odd) = found.iter().find(|number| !number.is_finite()) {
-            return refuse(format!("{odd} is not finite"));
+        if let Some(number) = found.iter().find(|number| !number.is_finite()) {
+            return refuse(format!("{number} is not finite"));
         }
         Ok(Some(found))
     }
@@ -145,10 +145,10 @@ impl Parameters {
         if self.whole.get() {
             return None;
         }
-        let asked = self.asked.borrow();
+        let read_keys = self.read_keys.borrow();
         let mut key = String::new();
-        stray(&self.table, &asked, &mut key).then(|| {
-            let known: Vec<String> = asked.iter().map(|key| format!("`{key}`")).collect();
+        find_unread_key(&self.table, &read_keys, &mut key).then(|| {
+            let known: Vec<String> = read_keys.iter().map(|key| format!("`{key}`")).collect();
             let known = if known.is_empty() {
                 "it has no parameters".to_owned()
             } else {
@@ -160,7 +160,7 @@ impl Parameters {
 }
 
 /// Searches for a key of `table` below `key` that has not been read, and leaves it in `key`.
-fn stray(table: &Table, asked: &BTreeSet<String>, key: &mut String) -> bool {
+fn find_unread_key(table: &Table, read_keys: &BTreeSet<String>, key: &mut String) -> bool {
     for (name, value) in table {
         let before = key.len();
         if before > 0 {
@@ -168,10 +168,10 @@ fn stray(table: &Table, asked: &BTreeSet<String>, key: &mut String) -> bool {
         }
         key.push_str(name);
         let inner = format!("{key}.");
-        let below = asked.iter().any(|one| one.starts_with(&inner));
-        let known = asked.contains(key.as_str());
+        let below = read_keys.iter().any(|one| one.starts_with(&inner));
+        let known = read_keys.contains(key.as_str());
         let strange = match value {
-            Value::Table(table) if below => stray(table, asked, key),
+            Value::Table(table) if below => find_unread_key(table, read_keys, key),
             _ => !known,
         };
         if strange {
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_read_with_their_units() {
+    fn parameters_are_read_with_their_units() {
         let all =
             of("k = 3\nmass = '2000 g'\nat = '[1, 2] mm'\nlist = [1, 2.5]\n[gains]\nn = -4\non = true\nname = 'x'");
         assert_eq!(all.numbers("k", "", true, 0), Ok(Some(vec![3.0])));

@@ -100,7 +100,7 @@ fn step(index: u64) -> Step {
 }
 
 thread_local! {
-    static TAKEN: Cell<u64> = const { Cell::new(0) };
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
 struct Counting;
@@ -108,7 +108,7 @@ struct Counting;
 // SAFETY: everything is done by the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        TAKEN.set(TAKEN.get() + 1);
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
         // SAFETY: the caller's promise is passed on.
         unsafe { System.alloc(layout) }
     }
@@ -123,7 +123,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 #[test]
-fn table_is_the_participant_that_it_was_made_of() {
+fn table_behaves_like_its_participant() {
     let mut own = make(&Setup {
         name: "here".into(),
         parameters: toml::Table::new(),
@@ -146,9 +146,9 @@ fn table_is_the_participant_that_it_was_made_of() {
         inputs.get_mut::<Value>(0).value = index as f64 * 0.37;
         inputs.get_mut::<Value>(1).table[2][1] = 0.1;
         own.step(&step(index), &inputs, &mut one).unwrap();
-        let before = TAKEN.get();
+        let before = ALLOCATIONS.get();
         foreign.step(&step(index), &inputs, &mut two).unwrap();
-        assert_eq!(TAKEN.get(), before, "a step took memory");
+        assert_eq!(ALLOCATIONS.get(), before, "a step took memory");
         for port in 0..2 {
             assert_eq!(one.bytes_mut(port), two.bytes_mut(port));
         }
@@ -163,7 +163,7 @@ fn table_is_the_participant_that_it_was_made_of() {
 }
 
 #[test]
-fn refusals_failures_and_panics_come_back_in_their_own_words() {
+fn table_returns_refusals_failures_and_panics_verbatim() {
     let refused = foreign("other", "").err().unwrap();
     assert_eq!((&*refused.key, &*refused.reason), ("", "there is no other"));
     let refused = foreign("sum", "panics-at = -1").err().unwrap();
@@ -174,30 +174,30 @@ fn refusals_failures_and_panics_come_back_in_their_own_words() {
     for index in 0..3 {
         foreign.step(&step(index), &inputs, &mut outputs).unwrap();
     }
-    let said = foreign.step(&step(3), &inputs, &mut outputs).unwrap_err().to_string();
-    assert!(said.contains("it panicked: step 3 is too many"), "{said}");
+    let error = foreign.step(&step(3), &inputs, &mut outputs).unwrap_err().to_string();
+    assert!(error.contains("it panicked: step 3 is too many"), "{error}");
     // What has panicked may be torn.
-    let said = foreign.step(&step(4), &inputs, &mut outputs).unwrap_err().to_string();
-    assert!(said.contains("panicked before"), "{said}");
+    let error = foreign.step(&step(4), &inputs, &mut outputs).unwrap_err().to_string();
+    assert!(error.contains("panicked before"), "{error}");
     assert_eq!(foreign.save(), None);
     let mut foreign = self::foreign("sum", "").unwrap();
     inputs.get_mut::<Value>(0).value = f64::INFINITY;
-    let said = foreign.step(&step(0), &inputs, &mut outputs).unwrap_err().to_string();
-    assert_eq!(said, "the sum is inf");
+    let error = foreign.step(&step(0), &inputs, &mut outputs).unwrap_err().to_string();
+    assert_eq!(error, "the sum is inf");
 }
 
 #[derive(Default)]
-struct Heard(Mutex<Vec<String>>);
+struct RecordedLines(Mutex<Vec<String>>);
 
-impl Sink for Heard {
+impl Sink for RecordedLines {
     fn say(&self, line: &Line<'_>) {
         self.0.lock().unwrap().push(line.to_string());
     }
 }
 
 #[test]
-fn lines_and_the_end_come_through_with_name_and_time() {
-    let heard = Arc::new(Heard::default());
+fn table_passes_log_lines_and_termination() {
+    let lines = Arc::new(RecordedLines::default());
     for (why, parameters, last) in [
         (
             Some(Termination::Finished),
@@ -217,10 +217,10 @@ fn lines_and_the_end_come_through_with_name_and_time() {
                 "here at t = 9 s: its function `terminate` failed: it panicked: no end",
             ],
         ),
-        // One that was only looked at is told nothing.
+        // A participant that was never initialised gets no termination.
         (None, "", vec![]),
     ] {
-        let log = Log::new("here", Some(heard.clone()));
+        let log = Log::new("here", Some(lines.clone()));
         let mut foreign = foreign("sum", parameters).unwrap();
         let mut outputs = Outputs::zeroed(&foreign.interface());
         outputs.set_log(log.clone());
@@ -232,6 +232,6 @@ fn lines_and_the_end_come_through_with_name_and_time() {
         }
         drop(foreign);
         expected.extend(last);
-        assert_eq!(std::mem::take(&mut *heard.0.lock().unwrap()), expected);
+        assert_eq!(std::mem::take(&mut *lines.0.lock().unwrap()), expected);
     }
 }

@@ -1,4 +1,4 @@
-//! Exports of streams whose names and shapes other tools stumble over. `tests/exports` opens the same kinds of files with
+//! Exports of streams with names and shapes that other tools handle badly. `tests/exports` opens the same kinds of files with
 //! the tools' own packages.
 
 use std::collections::BTreeMap;
@@ -86,7 +86,7 @@ fn header(files: &BTreeMap<String, Vec<u8>>, name: &str) -> String {
 }
 
 #[test]
-fn field_named_like_the_stamp_gets_a_column_of_its_own() {
+fn field_named_like_stamp_gets_separate_column() {
     let scalar = |name| (name, Element::F64, &[][..], "s");
     let taken = spec("taken", &[scalar("t"), scalar("t_2"), scalar("T")]);
     let pair = ("q", Element::F64, &[2][..], "rad");
@@ -105,7 +105,7 @@ fn field_named_like_the_stamp_gets_a_column_of_its_own() {
 }
 
 #[test]
-fn padding_is_in_no_export() {
+fn exports_omit_padding() {
     let filled = spec(
         "filled",
         &[
@@ -140,7 +140,7 @@ fn padding_is_in_no_export() {
 }
 
 #[test]
-fn picture_is_as_large_in_every_export_as_on_the_tape() {
+fn picture_has_tape_size_in_every_export() {
     let picture = || ("rgb", Element::U8, &[48, 64, 3][..], "1");
     let camera = spec("camera", &[("exposure", Element::F64, &[], "s"), picture()]);
     let depth = spec("depth", &[("z", Element::F32, &[30, 40], "m")]);
@@ -175,7 +175,7 @@ fn picture_is_as_large_in_every_export_as_on_the_tape() {
 }
 
 #[test]
-fn arrays_whose_names_fold_together_are_separate_files() {
+fn arrays_with_equal_folded_names_are_separate_files() {
     let wide = |name| (name, Element::U8, &[300][..], "1");
     let fields = [wide("A b"), wide("a_b"), wide("a.b"), wide("a_b_2"), wide("../up")];
     let (tape, folder) = (tape(vec![spec("x", &fields)], 1), Scratch::new("fold"));
@@ -194,7 +194,7 @@ fn arrays_whose_names_fold_together_are_separate_files() {
 }
 
 #[test]
-fn stream_without_a_sample_is_a_table_without_rows() {
+fn stream_without_samples_gives_table_without_rows() {
     let fields = [("x", Element::F64, &[][..], "m"), ("wide", Element::U32, &[500], "1")];
     let (tape, folder) = (tape(vec![spec("never", &fields)], 0), Scratch::new("empty"));
     export::csv(&tape, &folder.0).unwrap();
@@ -207,7 +207,7 @@ fn stream_without_a_sample_is_a_table_without_rows() {
 }
 
 #[test]
-fn messages_name_their_fields_for_json_themselves() {
+fn protobuf_messages_state_json_names_of_fields() {
     let scalar = |name| (name, Element::F64, &[][..], "1");
     let fields = [
         scalar("q_1"),
@@ -281,7 +281,7 @@ fn fields(matrix: &[u8]) -> Vec<(String, Elements<'_>)> {
 }
 
 #[test]
-fn mat_file_has_a_struct_for_each_stream_with_arrays_column_by_column() {
+fn mat_file_has_column_major_struct_per_stream() {
     use Element::{F64, I32, U8};
     let folder = Scratch::new("mat");
     let path = folder.join("run.mat");
@@ -354,7 +354,7 @@ fn mat_file_has_a_struct_for_each_stream_with_arrays_column_by_column() {
 }
 
 #[test]
-fn stream_that_is_too_large_for_a_mat_file_is_refused() {
+fn stream_too_large_for_mat_file_is_refused() {
     /// A tape whose samples are never read.
     struct Long(Vec<StreamSpec>);
     impl tape::Source for Long {

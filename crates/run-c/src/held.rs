@@ -2,7 +2,7 @@
 
 use std::ffi::{CString, c_char, c_void};
 
-use crate::run::{Run, Sample, say, text, under_way, with, words};
+use crate::run::{Run, Sample, error_text, text, with_active_run, with_run, write_sample};
 
 /// `escapement_run_before`.
 ///
@@ -18,11 +18,11 @@ pub unsafe fn before(pointer: *mut Run, participant: *const c_char, held: *mut u
             )
         };
         *held = 0;
-        *held = u32::from(run.run_before(participant).map_err(words)?);
+        *held = u32::from(run.run_before(participant).map_err(error_text)?);
         Ok(())
     };
     // SAFETY: as the caller says.
-    unsafe { under_way(pointer, work) }
+    unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_shown`.
@@ -34,10 +34,10 @@ pub unsafe fn shown(pointer: *mut Run, port: *const c_char, place: *mut Sample) 
         // SAFETY: as the caller says.
         let port = unsafe { text(port, "the name of the input") }?;
         // SAFETY: as the caller says.
-        unsafe { say(own, place, |run| run.shown(port)) }
+        unsafe { write_sample(own, place, |run| run.shown(port)) }
     };
     // SAFETY: as the caller says.
-    unsafe { with(pointer, work) }
+    unsafe { with_run(pointer, work) }
 }
 
 /// `escapement_run_log`.
@@ -53,7 +53,7 @@ pub unsafe fn log(pointer: *mut Run, participant: *const c_char) -> *const c_cha
         Ok(())
     };
     // SAFETY: as the caller says.
-    match unsafe { with(pointer, work) } {
+    match unsafe { with_run(pointer, work) } {
         // SAFETY: the run is there: it was just asked.
         0 => unsafe { (*pointer).log.as_ptr() },
         _ => std::ptr::null(),
@@ -71,11 +71,11 @@ pub unsafe fn answer(pointer: *mut Run, port: *const c_char, bytes: *const c_voi
         if bytes.is_null() {
             return Err("the message is NULL".to_owned());
         }
-        let size = usize::try_from(size).map_err(words)?;
+        let size = usize::try_from(size).map_err(error_text)?;
         // SAFETY: the message is as large as the caller says.
         let bytes = unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size) };
-        run.answer_bytes(port, bytes).map_err(words)
+        run.answer_bytes(port, bytes).map_err(error_text)
     };
     // SAFETY: as the caller says.
-    unsafe { under_way(pointer, work) }
+    unsafe { with_active_run(pointer, work) }
 }

@@ -98,7 +98,7 @@ pub(crate) unsafe fn text<'a>(at: *const c_char, what: &str) -> Result<&'a str, 
 ///
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
-pub(crate) unsafe fn with(pointer: *mut Run, work: impl FnOnce(&mut Run) -> Result<(), String>) -> i32 {
+pub(crate) unsafe fn with_run(pointer: *mut Run, work: impl FnOnce(&mut Run) -> Result<(), String>) -> i32 {
     // SAFETY: as the caller says.
     let Some(own) = (unsafe { pointer.as_mut() }) else {
         return FAILED;
@@ -118,16 +118,16 @@ pub(crate) unsafe fn with(pointer: *mut Run, work: impl FnOnce(&mut Run) -> Resu
 ///
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
-pub(crate) unsafe fn under_way(pointer: *mut Run, work: impl FnOnce(&mut run::Run) -> Result<(), String>) -> i32 {
+pub(crate) unsafe fn with_active_run(pointer: *mut Run, work: impl FnOnce(&mut run::Run) -> Result<(), String>) -> i32 {
     let work = |own: &mut Run| {
         let run = own.run.as_mut();
         work(run.ok_or("there is no run any more: it was ended, or could not be started")?)
     };
     // SAFETY: as the caller says.
-    unsafe { with(pointer, work) }
+    unsafe { with_run(pointer, work) }
 }
 
-pub(crate) fn words(failure: impl ToString) -> String {
+pub(crate) fn error_text(failure: impl ToString) -> String {
     failure.to_string()
 }
 
@@ -149,20 +149,21 @@ pub unsafe fn start(
     unsafe { place.write(pointer) };
     let work = |own: &mut Run| {
         // SAFETY: as the caller says.
-        let (file, (options, changes)) = unsafe { (text(scenario, "the name of the scenario")?, chosen(options)?) };
-        let scenario = Scenario::read(&catalogue(), Path::new(file), &changes).map_err(words)?;
-        own.run = Some(run::Run::start(&scenario, &options).map_err(words)?);
+        let (file, (options, changes)) =
+            unsafe { (text(scenario, "the name of the scenario")?, run_options(options)?) };
+        let scenario = Scenario::read(&catalogue(), Path::new(file), &changes).map_err(error_text)?;
+        own.run = Some(run::Run::start(&scenario, &options).map_err(error_text)?);
         Ok(())
     };
     // SAFETY: the run was made here.
-    unsafe { with(pointer, work) }
+    unsafe { with_run(pointer, work) }
 }
 
 /// The options and changes that the caller's options denote.
 ///
 /// # Safety
 /// `options` is null, or as the header says.
-unsafe fn chosen(options: *const Options) -> Result<(run::Options, Vec<String>), String> {
+unsafe fn run_options(options: *const Options) -> Result<(run::Options, Vec<String>), String> {
     let mut chosen = run::Options {
         in_process: true,
         record: Record::Memory,
@@ -236,7 +237,7 @@ pub unsafe fn is_over(pointer: *const Run) -> u32 {
 /// `pointer` is null, or a run that was not freed.
 pub unsafe fn to(pointer: *mut Run, time: f64) -> i32 {
     // SAFETY: as the caller says.
-    unsafe { under_way(pointer, |run| run.run_to(exact(time)?).map_err(words)) }
+    unsafe { with_active_run(pointer, |run| run.run_to(exact(time)?).map_err(error_text)) }
 }
 
 /// `escapement_run_step`.
@@ -245,7 +246,7 @@ pub unsafe fn to(pointer: *mut Run, time: f64) -> i32 {
 /// `pointer` is null, or a run that was not freed.
 pub unsafe fn step(pointer: *mut Run) -> i32 {
     // SAFETY: as the caller says.
-    unsafe { under_way(pointer, |run| run.step().map_err(words)) }
+    unsafe { with_active_run(pointer, |run| run.step().map_err(error_text)) }
 }
 
 /// `escapement_run_newest`.
@@ -257,17 +258,17 @@ pub unsafe fn newest(pointer: *mut Run, port: *const c_char, place: *mut Sample)
         // SAFETY: as the caller says.
         let port = unsafe { text(port, "the name of the output") }?;
         // SAFETY: as the caller says.
-        unsafe { say(own, place, |run| run.newest(port)) }
+        unsafe { write_sample(own, place, |run| run.newest(port)) }
     };
     // SAFETY: as the caller says.
-    unsafe { with(pointer, work) }
+    unsafe { with_run(pointer, work) }
 }
 
 /// Puts the sample that `find` finds into `place`.
 ///
 /// # Safety
 /// `place` is null, or begins with its size.
-pub(crate) unsafe fn say(
+pub(crate) unsafe fn write_sample(
     own: &mut Run,
     place: *mut Sample,
     find: impl FnOnce(&run::Run) -> Result<run::Sample, run::RunFailure>,
@@ -282,7 +283,7 @@ pub(crate) unsafe fn say(
         ));
     }
     let run = own.run.as_ref().ok_or("there is no run any more")?;
-    let found = own.sample.insert(find(run).map_err(words)?);
+    let found = own.sample.insert(find(run).map_err(error_text)?);
     (place.index, place.stamp) = (found.index(), found.stamp_s());
     (place.bytes, place.byte_count) = (found.bytes().as_ptr().cast(), found.bytes().len() as u64);
     Ok(())
@@ -301,7 +302,10 @@ pub unsafe fn field(pointer: *mut Run, port: *const c_char, field: *const c_char
                 text(field, "the name of the field")?,
             )
         };
-        let found = run.newest(port).and_then(|sample| sample.field(field)).map_err(words)?;
+        let found = run
+            .newest(port)
+            .and_then(|sample| sample.field(field))
+            .map_err(error_text)?;
         if found.len() != count as usize || values.is_null() {
             return Err(format!(
                 "`{port}.{field}` has {} elements, and {count} were asked for",
@@ -313,7 +317,7 @@ pub unsafe fn field(pointer: *mut Run, port: *const c_char, field: *const c_char
         Ok(())
     };
     // SAFETY: as the caller says.
-    unsafe { under_way(pointer, work) }
+    unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_set`.
@@ -327,13 +331,13 @@ pub unsafe fn set(pointer: *mut Run, port: *const c_char, bytes: *const c_void, 
         if bytes.is_null() {
             return Err("the message is NULL".to_owned());
         }
-        let size = usize::try_from(size).map_err(words)?;
+        let size = usize::try_from(size).map_err(error_text)?;
         // SAFETY: the message is as large as the caller says.
         let bytes = unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size) };
-        run.set_bytes(port, bytes).map_err(words)
+        run.set_bytes(port, bytes).map_err(error_text)
     };
     // SAFETY: as the caller says.
-    unsafe { under_way(pointer, work) }
+    unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_figure`.
@@ -362,7 +366,7 @@ pub unsafe fn figure(pointer: *mut Run, name: *const c_char, value: *mut f64) ->
         Ok(())
     };
     // SAFETY: as the caller says.
-    unsafe { under_way(pointer, work) }
+    unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_save`.
@@ -374,11 +378,11 @@ pub unsafe fn save(pointer: *mut Run, place: *mut *mut Checkpoint) -> i32 {
         // SAFETY: as the caller says.
         let place = unsafe { place.as_mut() }.ok_or("the place of the checkpoint is NULL")?;
         *place = std::ptr::null_mut();
-        *place = Box::into_raw(Box::new(Checkpoint(run.save().map_err(words)?)));
+        *place = Box::into_raw(Box::new(Checkpoint(run.save().map_err(error_text)?)));
         Ok(())
     };
     // SAFETY: as the caller says.
-    unsafe { under_way(pointer, work) }
+    unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_restore`.
@@ -389,10 +393,10 @@ pub unsafe fn restore(pointer: *mut Run, checkpoint: *const Checkpoint) -> i32 {
     let work = |run: &mut run::Run| {
         // SAFETY: as the caller says.
         let checkpoint = unsafe { checkpoint.as_ref() }.ok_or("the checkpoint is NULL")?;
-        run.restore(&checkpoint.0).map_err(words)
+        run.restore(&checkpoint.0).map_err(error_text)
     };
     // SAFETY: as the caller says.
-    unsafe { under_way(pointer, work) }
+    unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_checkpoint_free`.
@@ -427,7 +431,7 @@ pub unsafe fn end(pointer: *mut Run, place: *mut Outcome) -> i32 {
             .run
             .take()
             .ok_or("there is no run any more: it was ended, or could not be started")?;
-        let outcome = run.end().map_err(words)?;
+        let outcome = run.end().map_err(error_text)?;
         let Some(place) = place else {
             return Ok(());
         };
@@ -435,7 +439,7 @@ pub unsafe fn end(pointer: *mut Run, place: *mut Outcome) -> i32 {
         place.met = u32::from(outcome.exit_code() == 0);
         place.simulated = outcome.simulated_s;
         place.digest = [0; DIGEST];
-        let digest = outcome.digest.map(words).unwrap_or_default();
+        let digest = outcome.digest.map(error_text).unwrap_or_default();
         for (to, from) in place.digest.iter_mut().take(DIGEST - 1).zip(digest.bytes()) {
             *to = from as c_char;
         }
@@ -445,7 +449,7 @@ pub unsafe fn end(pointer: *mut Run, place: *mut Outcome) -> i32 {
         }
     };
     // SAFETY: as the caller says.
-    unsafe { with(pointer, work) }
+    unsafe { with_run(pointer, work) }
 }
 
 /// `escapement_run_free`.

@@ -1,20 +1,20 @@
 //! The flattened system: connections between variables of FMUs, and the other values that are set.
 
-use fmu::{Causality, Conversion, Description, Model, Unit, Variable, Wire, element};
+use fmu::{Causality, Conversion, Description, Model, Unit, Variable, VariableConnection, element};
 use toml::Value;
 
 use crate::error::Problem;
-use crate::numbers::Line;
-use crate::parameters::{Passed, Values, resolve, setting};
-use crate::structure::{Kind, Place, Structure};
+use crate::numbers::Scaling;
+use crate::parameters::{PathStep, Values, resolve, setting};
+use crate::structure::{ConnectorKind, Location, Structure};
 use crate::trace::{Network, Step, Trace, unit_after};
 use crate::transform::Transformation;
 
 /// The flattened system. Components are numbered in the order of the description.
 #[derive(Debug, Default)]
-pub struct Flat {
+pub struct FlatSystem {
     /// The connections.
-    pub wires: Vec<Wire>,
+    pub connections: Vec<VariableConnection>,
     /// Parameters and start values of each component.
     pub settings: Vec<Vec<(String, Value)>>,
     /// Outputs of the root system that are unchanged values of a component.
@@ -32,13 +32,13 @@ pub struct System<'a> {
     numbers: Vec<Option<usize>>,
     models: Vec<&'a Model>,
     network: Network<'a>,
-    flat: Flat,
+    flat: FlatSystem,
     /// The connections between components, from outputs with direct feedthrough.
-    through: Vec<(usize, usize)>,
+    feedthrough_edges: Vec<(usize, usize)>,
 }
 
 /// Flattens a structure; `components` are the elements that are components, each with its FMU.
-pub fn flatten<'a>(structure: &'a Structure, components: &[(usize, &'a Model)]) -> (Flat, Vec<usize>) {
+pub fn flatten<'a>(structure: &'a Structure, components: &[(usize, &'a Model)]) -> (FlatSystem, Vec<usize>) {
     let (network, problems) = Network::new(structure);
     let mut numbers = vec![None; structure.elements.len()];
     for (number, (element, _)) in components.iter().enumerate() {
@@ -49,21 +49,21 @@ pub fn flatten<'a>(structure: &'a Structure, components: &[(usize, &'a Model)]) 
         numbers,
         models: components.iter().map(|(_, model)| *model).collect(),
         network,
-        flat: Flat {
+        flat: FlatSystem {
             settings: vec![Vec::new(); components.len()],
             problems,
-            ..Flat::default()
+            ..FlatSystem::default()
         },
-        through: Vec::new(),
+        feedthrough_edges: Vec::new(),
     };
     for (element, _) in components {
         system.check_connectors(*element);
     }
     if system.flat.problems.is_empty() {
-        system.settle();
+        system.resolve_all();
     }
-    let circle = circle(components.len(), &system.through);
-    (system.flat, circle)
+    let algebraic_loop = algebraic_loop(components.len(), &system.feedthrough_edges);
+    (system.flat, algebraic_loop)
 }
 
 impl<'a> System<'a> {
@@ -90,7 +90,7 @@ impl<'a> System<'a> {
         })
     }
 
-    fn refuse(&mut self, line: Place, reason: String) {
+    fn refuse(&mut self, line: Location, reason: String) {
         let problem = self.structure.problem(line, reason);
         self.flat.problems.push(problem);
     }
@@ -102,7 +102,7 @@ impl<'a> System<'a> {
             return;
         };
         for connector in &structure.elements[element].connectors {
-            let shown = structure.shown(element, &connector.name);
+            let shown = structure.connector_path(element, &connector.name);
             let Some(variable) = about.variable(&connector.name) else {
                 let known = about.variables.iter().flat_map(Variable::names);
                 let mut reason = format!("the FMU has no variable for the connector `{shown}`");
@@ -118,10 +118,10 @@ impl<'a> System<'a> {
                 Causality::Parameter | Causality::StructuralParameter
             );
             let agrees = match connector.kind {
-                Kind::Input => input,
-                Kind::Parameter => parameter,
-                Kind::Output => !input && !parameter,
-                Kind::Open => true,
+                ConnectorKind::Input => input,
+                ConnectorKind::Parameter => parameter,
+                ConnectorKind::Output => !input && !parameter,
+                ConnectorKind::Open => true,
             };
             if !agrees {
                 let reason = format!(
@@ -132,8 +132,8 @@ impl<'a> System<'a> {
             }
             let theirs = about.unit(variable);
             if let (Some(ours), Some(theirs)) = (&connector.unit, theirs) {
-                let mut line = Line::of(variable.relative);
-                let same = line.convert(Some(ours), Some(theirs)).is_ok() && (line.at(1.0) - 1.0).abs() < 1e-6;
+                let mut scaling = Scaling::of(variable.relative);
+                let same = scaling.convert(Some(ours), Some(theirs)).is_ok() && (scaling.at(1.0) - 1.0).abs() < 1e-6;
                 if !same {
                     let reason = format!(
                         "the connector `{shown}` is in `{}`, and the variable of the FMU in `{}`",
@@ -146,13 +146,13 @@ impl<'a> System<'a> {
     }
 
     /// Processes all inputs and parameters of components, and all outputs of the root.
-    fn settle(&mut self) {
+    fn resolve_all(&mut self) {
         let structure = self.structure;
         let has = |element: usize, name: &str| {
             self.variable(element, name).is_some() || structure.elements[element].connector(name).is_some()
         };
-        let (values, nowhere) = resolve(structure, &has);
-        for bound in nowhere {
+        let (values, unresolved) = resolve(structure, &has);
+        for bound in unresolved {
             let given = &bound.given;
             let note = format!(
                 "{}:{}: there is no parameter `{}`, so its value is not used",
@@ -165,8 +165,8 @@ impl<'a> System<'a> {
             let Some((variable, (part, about))) = self.variable(*element, name).zip(self.component(*element)) else {
                 continue;
             };
-            let way = [(bound.suppress, &bound.transformation, self.unit(*element, name))];
-            match setting(about, variable, &bound.given, &way) {
+            let path = [(bound.suppress, &bound.transformation, self.unit(*element, name))];
+            match setting(about, variable, &bound.given, &path) {
                 // Two names may mean one variable.
                 Ok(_)
                     if self.flat.settings[part]
@@ -187,11 +187,15 @@ impl<'a> System<'a> {
             let Some(part) = self.numbers[number] else {
                 continue;
             };
-            for connector in element.connectors.iter().filter(|one| one.kind != Kind::Output) {
+            for connector in element
+                .connectors
+                .iter()
+                .filter(|one| one.kind != ConnectorKind::Output)
+            {
                 match self.network.trace(number, &connector.name) {
                     Ok(trace) if trace.steps.is_empty() => {}
                     Ok(trace) => {
-                        if let Some(value) = self.fed((number, &connector.name), &trace, &values) {
+                        if let Some(value) = self.resolve_connected((number, &connector.name), &trace, &values) {
                             // Values that come through connectors are set by an enclosing element.
                             let own = self.variable(number, &connector.name);
                             let own = own.map_or(&connector.name, |variable| &variable.name);
@@ -208,25 +212,25 @@ impl<'a> System<'a> {
     }
 
     /// An input or parameter that has a connection: it gets a wire, or a constant value.
-    fn fed(&mut self, taker: (usize, &'a str), trace: &Trace<'a>, values: &Values<'a>) -> Option<Value> {
+    fn resolve_connected(&mut self, target: (usize, &'a str), trace: &Trace<'a>, values: &Values<'a>) -> Option<Value> {
         let structure = self.structure;
         let (origin, name) = trace.origin;
-        let variable = self.variable(taker.0, taker.1)?;
-        let shown = structure.shown(taker.0, taker.1);
+        let variable = self.variable(target.0, target.1)?;
+        let shown = structure.connector_path(target.0, target.1);
         if structure.elements[origin].source().is_some() {
             let last = trace.steps.last()?;
             if variable.causality != Causality::Input {
                 let reason = format!(
                     "`{shown}` is a parameter, which only a value can feed, and not `{}`",
-                    structure.shown(origin, name)
+                    structure.connector_path(origin, name)
                 );
                 self.refuse(last.connection.line, reason);
                 return None;
             }
-            if let Err(reason) = self.wire(taker, variable, trace) {
+            if let Err(reason) = self.connect(target, variable, trace) {
                 let reason = format!(
                     "`{}` does not become `{shown}`: {reason}",
-                    structure.shown(origin, name)
+                    structure.connector_path(origin, name)
                 );
                 self.refuse(last.connection.line, reason);
             }
@@ -235,17 +239,17 @@ impl<'a> System<'a> {
         let Some(bound) = values.get(&(origin, name.to_owned())) else {
             let note = format!(
                 "`{}` has no source and no value: `{shown}` keeps its start value",
-                structure.shown(origin, name)
+                structure.connector_path(origin, name)
             );
             self.flat.notes.push(note);
             return None;
         };
-        let mut way: Vec<Passed<'_>> = vec![(bound.suppress, &bound.transformation, self.unit(origin, name))];
-        way.extend(trace.steps.iter().map(|step| {
-            let unit = self.unit(step.taker.0, step.taker.1);
+        let mut path: Vec<PathStep<'_>> = vec![(bound.suppress, &bound.transformation, self.unit(origin, name))];
+        path.extend(trace.steps.iter().map(|step| {
+            let unit = self.unit(step.target.0, step.target.1);
             (step.connection.suppress, &step.connection.transformation, unit)
         }));
-        match setting(self.component(taker.0)?.1, variable, &bound.given, &way) {
+        match setting(self.component(target.0)?.1, variable, &bound.given, &path) {
             Ok(value) => Some(value),
             Err(problem) => {
                 self.flat.problems.push(problem);
@@ -255,13 +259,13 @@ impl<'a> System<'a> {
     }
 
     /// The combined effect of all steps of a path on a number.
-    fn line(&self, trace: &Trace<'a>) -> Result<Line, String> {
-        let last = trace.steps.last().map(|step| step.taker);
+    fn scaling(&self, trace: &Trace<'a>) -> Result<Scaling, String> {
+        let last = trace.steps.last().map(|step| step.target);
         let ends = last.into_iter().chain([trace.origin]);
         let mut variables = ends.filter_map(|(element, name)| self.variable(element, name));
-        let mut line = Line::of(variables.any(|one| one.relative));
+        let mut scaling = Scaling::of(variables.any(|one| one.relative));
         let mut unit = self.unit(trace.origin.0, trace.origin.1);
-        for Step { connection, taker } in &trace.steps {
+        for Step { connection, target } in &trace.steps {
             let transformation: &Transformation = &connection.transformation;
             if transformation.maps() {
                 return Err(format!(
@@ -269,26 +273,26 @@ impl<'a> System<'a> {
                     transformation.table.unwrap_or_default()
                 ));
             }
-            let next = self.unit(taker.0, taker.1);
+            let next = self.unit(target.0, target.1);
             if !connection.suppress {
-                line.convert(unit, next)?;
+                scaling.convert(unit, next)?;
             }
-            line.transform(transformation);
+            scaling.transform(transformation);
             unit = unit_after(unit, next, connection.suppress);
         }
-        Ok(line)
+        Ok(scaling)
     }
 
-    fn wire(&mut self, taker: (usize, &'a str), input: &Variable, trace: &Trace<'a>) -> Result<(), String> {
+    fn connect(&mut self, target: (usize, &'a str), input: &Variable, trace: &Trace<'a>) -> Result<(), String> {
         let (origin, name) = trace.origin;
-        let fed = |wire: &&Wire| Some(wire.to.0) == self.numbers[taker.0] && wire.to.1 == input.name;
-        if let Some(wire) = self.flat.wires.iter().find(fed) {
+        let fed = |wire: &&VariableConnection| Some(wire.to.0) == self.numbers[target.0] && wire.to.1 == input.name;
+        if let Some(wire) = self.flat.connections.iter().find(fed) {
             let name = &wire.to.1;
             return Err(format!(
                 "`{name}` of the FMU is fed already, through a connector with another of its names: leave one of the connections out"
             ));
         }
-        let ends = self.component(origin).zip(self.component(taker.0));
+        let ends = self.component(origin).zip(self.component(target.0));
         let ((from, sends), (to, takes)) = ends.ok_or("one of them is no component")?;
         let output = sends.variable(name).ok_or("the FMU has no such variable")?;
         let kinds = (output.kind.name(), input.kind.name());
@@ -306,20 +310,20 @@ impl<'a> System<'a> {
             let shapes = (output.extents.len(), input.extents.len());
             return Err(format!("they have {} and {} dimensions", shapes.0, shapes.1));
         }
-        let line = self.line(trace)?;
+        let scaling = self.scaling(trace)?;
         let port =
             |about: &Description, one: &Variable| about.unit(one).map_or_else(|| Conversion::none("1"), Unit::of_port);
-        let (factor, offset) = line.between(&port(sends, output), &port(takes, input))?;
+        let (factor, offset) = scaling.between(&port(sends, output), &port(takes, input))?;
         if !input.kind.is_float() && (factor.is_some() || offset.is_some()) {
             return Err(format!(
                 "{} values are taken over as they are: leave units and transformations out",
                 kinds.1
             ));
         }
-        if output.feedthrough && !self.through.contains(&(from, to)) {
-            self.through.push((from, to));
+        if output.feedthrough && !self.feedthrough_edges.contains(&(from, to)) {
+            self.feedthrough_edges.push((from, to));
         }
-        self.flat.wires.push(Wire {
+        self.flat.connections.push(VariableConnection {
             from: (from, output.name.clone()),
             to: (to, input.name.clone()),
             factor,
@@ -331,7 +335,7 @@ impl<'a> System<'a> {
     /// The outputs of the root, as figures; those that are transformed on their path are only noted.
     fn root_outputs(&mut self) {
         for connector in &self.structure.elements[0].connectors {
-            if connector.kind != Kind::Output {
+            if connector.kind != ConnectorKind::Output {
                 continue;
             }
             let trace = match self.network.trace(0, &connector.name) {
@@ -347,14 +351,14 @@ impl<'a> System<'a> {
                 let about = part.map(|part| &self.models[part].description);
                 about.is_some_and(|about| element(about.version, variable).is_some())
             });
-            let plain = self.line(&trace).is_ok_and(|line| line.is_identity());
+            let plain = self.scaling(&trace).is_ok_and(|scaling| scaling.is_identity());
             match part.zip(signal) {
                 Some((part, signal)) if plain => self
                     .flat
                     .outputs
                     .push((connector.name.clone(), (part, signal.name.clone()))),
                 Some(_) => {
-                    let shown = self.structure.shown(origin, name);
+                    let shown = self.structure.connector_path(origin, name);
                     let note = format!(
                         "the output `{}` of the system is made of `{shown}`, which is recorded as it is",
                         connector.name
@@ -371,7 +375,7 @@ impl<'a> System<'a> {
 }
 
 /// Components that form an algebraic loop, in order; empty if there is none.
-fn circle(count: usize, edges: &[(usize, usize)]) -> Vec<usize> {
+fn algebraic_loop(count: usize, edges: &[(usize, usize)]) -> Vec<usize> {
     // A component that feeds no remaining component is in no loop.
     let mut alive = vec![true; count];
     let feeds = |alive: &[bool], one: usize| {
@@ -384,13 +388,13 @@ fn circle(count: usize, edges: &[(usize, usize)]) -> Vec<usize> {
     let Some(start) = (0..count).find(|&one| alive[one]) else {
         return Vec::new();
     };
-    let mut way = vec![start];
-    while let Some(next) = way.last().and_then(|&last| feeds(&alive, last)) {
-        if let Some(at) = way.iter().position(|&one| one == next) {
-            way.drain(..at);
+    let mut path = vec![start];
+    while let Some(next) = path.last().and_then(|&last| feeds(&alive, last)) {
+        if let Some(at) = path.iter().position(|&one| one == next) {
+            path.drain(..at);
             break;
         }
-        way.push(next);
+        path.push(next);
     }
-    way
+    path
 }

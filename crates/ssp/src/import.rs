@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use fmu::{Archive, Draft, Model, Names, Part, ZipError};
+use fmu::{Archive, Draft, DraftParticipant, Model, Names, ZipError};
 use lockstep::time::Rational;
 
-use crate::connect::{Flat, flatten};
+use crate::connect::{FlatSystem, flatten};
 use crate::error::SspError;
 use crate::package::Package;
 use crate::read::{DESCRIPTION, read};
-use crate::structure::{Place, Structure};
+use crate::structure::{Location, Structure};
 
 /// The largest package that is read, bytes: 1 GiB.
 const FILE_MAX: u64 = 1 << 30;
@@ -71,7 +71,7 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
         reason: format!("it has no {DESCRIPTION}, which every SSP has"),
     })?;
     let structure = read(package, &description.map_err(zip)?).map_err(refused)?;
-    let mut models: Vec<Taken<'_>> = Vec::new();
+    let mut models: Vec<PackagedFmu<'_>> = Vec::new();
     let mut names = Names::default();
     for source in structure.elements.iter().filter_map(|one| one.source()) {
         if models.iter().all(|taken| taken.source != source)
@@ -80,8 +80,8 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
             let contents = contents.map_err(zip)?;
             let model = Model::read(file.join(source), contents.clone())?;
             let last = source.rsplit('/').next().unwrap_or(source);
-            let file = format!("fmus/{}.fmu", names.pick(last.strip_suffix(".fmu").unwrap_or(last)));
-            models.push(Taken {
+            let file = format!("fmus/{}.fmu", names.unique(last.strip_suffix(".fmu").unwrap_or(last)));
+            models.push(PackagedFmu {
                 source,
                 file,
                 model,
@@ -93,12 +93,12 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
     let components: Vec<(usize, &Model)> = components
         .filter_map(|(number, one)| Some((number, &find(&models, one.source()?)?.model)))
         .collect();
-    let (mut flat, circle) = flatten(&structure, &components);
-    limits(&structure, &components, &circle, options, &mut flat);
+    let (mut flat, algebraic_loop) = flatten(&structure, &components);
+    check_limits(&structure, &components, &algebraic_loop, options, &mut flat);
     if !flat.problems.is_empty() {
         return Err(refused(std::mem::take(&mut flat.problems)));
     }
-    notes(&structure, &components, options, &mut flat);
+    add_notes(&structure, &components, options, &mut flat);
     let notes = flat.notes.clone();
     let scenario = draft(&structure, &components, flat, &models, options).text();
     let fmus = models.into_iter().map(|taken| (taken.file, taken.contents));
@@ -116,8 +116,14 @@ fn contents(package: &Package, structure: &Structure, source: &str) -> Option<Re
 }
 
 /// Reports what a scenario cannot have.
-fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize], options: Options, flat: &mut Flat) {
-    let mut refuse = |line: Place, reason: String| flat.problems.push(structure.problem(line, reason));
+fn check_limits(
+    structure: &Structure,
+    components: &[(usize, &Model)],
+    algebraic_loop: &[usize],
+    options: Options,
+    flat: &mut FlatSystem,
+) {
+    let mut refuse = |line: Location, reason: String| flat.problems.push(structure.problem(line, reason));
     let root = structure.elements[0].line;
     if components.is_empty() || components.len() > PARTS_MAX {
         let count = components.len();
@@ -136,8 +142,8 @@ fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize
             ),
         );
     }
-    if let (false, [first, ..]) = (options.open_loops, circle) {
-        let shown = circle
+    if let (false, [first, ..]) = (options.open_loops, algebraic_loop) {
+        let shown = algebraic_loop
             .iter()
             .chain([first])
             .map(|&one| structure.path(components[one].0));
@@ -154,7 +160,7 @@ fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize
 }
 
 /// Notes what may differ from the user's expectation.
-fn notes(structure: &Structure, components: &[(usize, &Model)], options: Options, flat: &mut Flat) {
+fn add_notes(structure: &Structure, components: &[(usize, &Model)], options: Options, flat: &mut FlatSystem) {
     if structure.stop.is_none() {
         flat.notes.push(format!(
             "the default experiment has no stop time: the duration is {DURATION} s"
@@ -163,7 +169,7 @@ fn notes(structure: &Structure, components: &[(usize, &Model)], options: Options
     for (number, (element, model)) in components.iter().enumerate() {
         let name = structure.path(*element);
         let about = &model.description;
-        if options.period.is_none() && about.experiment.step.is_none() && about.abilities.fixed_step.is_none() {
+        if options.period.is_none() && about.experiment.step.is_none() && about.capabilities.fixed_step.is_none() {
             flat.notes.push(format!(
                 "the FMU of `{name}` names no step: its period is 10 ms; --period says another one"
             ));
@@ -171,11 +177,11 @@ fn notes(structure: &Structure, components: &[(usize, &Model)], options: Options
         if let Err(error) = model.library() {
             flat.notes.push(format!("`{name}`: {error}"));
         }
-        let through = flat.wires.iter().any(|wire| {
+        let feedthrough = flat.connections.iter().any(|wire| {
             let output = about.variable(&wire.from.1);
             wire.from.0 == number && output.is_some_and(|output| output.feedthrough)
         });
-        if through {
+        if feedthrough {
             flat.notes.push(format!(
                 "`{name}` has outputs with direct feedthrough: they follow its inputs one period later, unless its `run` says \
                  feedthrough = true"
@@ -185,7 +191,7 @@ fn notes(structure: &Structure, components: &[(usize, &Model)], options: Options
 }
 
 /// An FMU of the package.
-struct Taken<'a> {
+struct PackagedFmu<'a> {
     source: &'a str,
     /// Its path, relative to the scenario's folder.
     file: String,
@@ -193,15 +199,15 @@ struct Taken<'a> {
     contents: Vec<u8>,
 }
 
-fn find<'a>(models: &'a [Taken<'_>], source: &str) -> Option<&'a Taken<'a>> {
+fn find<'a>(models: &'a [PackagedFmu<'_>], source: &str) -> Option<&'a PackagedFmu<'a>> {
     models.iter().find(|taken| taken.source == source)
 }
 
 fn draft<'a>(
     structure: &Structure,
     components: &[(usize, &'a Model)],
-    flat: Flat,
-    models: &[Taken<'_>],
+    flat: FlatSystem,
+    models: &[PackagedFmu<'_>],
     options: Options,
 ) -> Draft<'a> {
     let start = structure.start.filter(|start| *start > 0.0);
@@ -211,13 +217,13 @@ fn draft<'a>(
     let parts = components.iter().map(|(element, model)| {
         let path = structure.path(*element);
         let source = structure.elements[*element].source().unwrap_or_default();
-        Part {
-            name: names.pick(&path.replace('.', "-")),
+        DraftParticipant {
+            name: names.unique(&path.replace('.', "-")),
             file: find(models, source).map(|taken| taken.file.clone()).unwrap_or_default(),
             about: &model.description,
             period: match options.period {
                 Some(period) => period.to_string(),
-                None => format!("{} s", fmu::period(&model.description)),
+                None => format!("{} s", fmu::suggested_period(&model.description)),
             },
             offset: start.map(|start| format!("{start} s")),
             parameters: settings.next().unwrap_or_default(),
@@ -227,7 +233,7 @@ fn draft<'a>(
         title: structure.name.clone(),
         duration: format!("{stop} s"),
         parts: parts.collect(),
-        wires: flat.wires,
+        connections: flat.connections,
         figures: flat.outputs,
         notes: flat.notes,
     }

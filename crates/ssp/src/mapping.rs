@@ -28,8 +28,8 @@ pub fn read(xml: Xml<'_>, root: Node<'_, '_>) -> Result<Vec<MapEntry>, Problem> 
     let mut all: Vec<MapEntry> = Vec::new();
     for node in children(root, "MappingEntry") {
         let entry = MapEntry {
-            source: xml.needed(node, "source")?,
-            target: xml.needed(node, "target")?,
+            source: xml.required_attribute(node, "source")?,
+            target: xml.required_attribute(node, "target")?,
             suppress: xml.flag(node, "suppressUnitConversion")?,
             transformation: Transformation::read(xml, node)?,
         };

@@ -13,7 +13,7 @@ const RADIAN: usize = 7;
 
 /// value = scale · source + shift, in the unit that the value has at this point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line {
+pub struct Scaling {
     scale: f64,
     shift: f64,
     /// The part of the scale that comes from transformations, not from units.
@@ -22,10 +22,10 @@ pub struct Line {
     relative: bool,
 }
 
-impl Line {
+impl Scaling {
     /// The identity: the value is the source.
-    pub const fn new() -> Line {
-        Line {
+    pub const fn new() -> Scaling {
+        Scaling {
             scale: 1.0,
             shift: 0.0,
             factor: 1.0,
@@ -34,16 +34,16 @@ impl Line {
     }
 
     /// The identity, for a relative quantity or for any other one.
-    pub const fn of(relative: bool) -> Line {
-        Line {
+    pub const fn of(relative: bool) -> Scaling {
+        Scaling {
             relative,
-            ..Line::new()
+            ..Scaling::new()
         }
     }
 
     /// Whether the value is the source.
     pub fn is_identity(&self) -> bool {
-        *self == Line::of(self.relative)
+        *self == Scaling::of(self.relative)
     }
 
     /// The value for a given source.
@@ -185,27 +185,30 @@ mod tests {
     const HEAT: [i32; 8] = [0, 0, 0, 0, 1, 0, 0, 0];
 
     #[test]
-    fn unit_that_the_framework_converts_needs_no_factor() {
+    fn unit_known_to_framework_needs_no_factor() {
         let (mm, m) = (unit("mm", LENGTH, 1e-3, 0.0), unit("m", LENGTH, 1.0, 0.0));
-        let mut line = Line::new();
-        line.convert(Some(&mm), Some(&m)).unwrap();
-        assert_eq!(line.between(&mm.of_port(), &m.of_port()), Ok((None, None)));
-        line.transform(&linear(2.0, 0.5));
+        let mut scaling = Scaling::new();
+        scaling.convert(Some(&mm), Some(&m)).unwrap();
+        assert_eq!(scaling.between(&mm.of_port(), &m.of_port()), Ok((None, None)));
+        scaling.transform(&linear(2.0, 0.5));
         let expected = (Some(Value::Float(2.0)), Some(Value::String("0.5 m".into())));
-        assert_eq!(line.between(&mm.of_port(), &m.of_port()), Ok(expected));
-        assert_eq!(line.at(250.0), 1.0);
+        assert_eq!(scaling.between(&mm.of_port(), &m.of_port()), Ok(expected));
+        assert_eq!(scaling.at(250.0), 1.0);
     }
 
     #[test]
-    fn offsets_of_units_meet_factors() {
+    fn unit_offsets_combine_with_factors() {
         // Ports use kelvin; 2 x + 10 applies to degrees Celsius.
         let celsius = unit("degC", HEAT, 1.0, 273.15);
         let kelvin = unit("K", HEAT, 1.0, 0.0);
-        let mut line = Line::new();
-        line.convert(Some(&celsius), Some(&celsius)).unwrap();
-        assert_eq!(line.between(&celsius.of_port(), &celsius.of_port()), Ok((None, None)));
-        line.transform(&linear(2.0, 10.0));
-        let (factor, offset) = line.between(&celsius.of_port(), &celsius.of_port()).unwrap();
+        let mut scaling = Scaling::new();
+        scaling.convert(Some(&celsius), Some(&celsius)).unwrap();
+        assert_eq!(
+            scaling.between(&celsius.of_port(), &celsius.of_port()),
+            Ok((None, None))
+        );
+        scaling.transform(&linear(2.0, 10.0));
+        let (factor, offset) = scaling.between(&celsius.of_port(), &celsius.of_port()).unwrap();
         assert_eq!(factor, Some(Value::Float(2.0)));
         let text = offset.unwrap();
         let offset: f64 = text
@@ -216,10 +219,10 @@ mod tests {
             .unwrap();
         // 20 degC is 293.15 K, and becomes 50 degC.
         assert!((2.0 * 293.15 + offset - 323.15).abs() < 1e-9, "{offset}");
-        let mut line = Line::new();
-        line.convert(Some(&celsius), Some(&kelvin)).unwrap();
-        assert_eq!(line.at(20.0), 293.15);
-        assert_eq!(line.between(&celsius.of_port(), &kelvin.of_port()), Ok((None, None)));
+        let mut scaling = Scaling::new();
+        scaling.convert(Some(&celsius), Some(&kelvin)).unwrap();
+        assert_eq!(scaling.at(20.0), 293.15);
+        assert_eq!(scaling.between(&celsius.of_port(), &kelvin.of_port()), Ok((None, None)));
     }
 
     #[test]
@@ -228,21 +231,24 @@ mod tests {
         let celsius = unit("degC", HEAT, 1.0, 273.15);
         let difference = celsius.of_differences().unwrap();
         let kelvin = unit("K", HEAT, 1.0, 0.0);
-        let mut line = Line::of(true);
+        let mut scaling = Scaling::of(true);
         for (from, to) in [(&celsius, &kelvin), (&kelvin, &celsius), (&celsius, &difference)] {
-            line.convert(Some(from), Some(to)).unwrap();
+            scaling.convert(Some(from), Some(to)).unwrap();
         }
-        assert_eq!(line.at(10.0), 10.0);
-        assert_eq!(line.between(&kelvin.of_port(), &difference.of_port()), Ok((None, None)));
+        assert_eq!(scaling.at(10.0), 10.0);
+        assert_eq!(
+            scaling.between(&kelvin.of_port(), &difference.of_port()),
+            Ok((None, None))
+        );
     }
 
     #[test]
-    fn unconverted_values_get_a_factor_with_a_unit() {
+    fn unconverted_value_gets_factor_with_unit() {
         let m = unit("m", LENGTH, 1.0, 0.0).of_port();
         let speed = unit("m/s", [0, 1, -1, 0, 0, 0, 0, 0], 1.0, 0.0).of_port();
         let pure = Conversion::none("1");
         for (from, to) in [(&m, &speed), (&speed, &m), (&pure, &m), (&m, &pure)] {
-            let (factor, offset) = Line::new().between(from, to).unwrap();
+            let (factor, offset) = Scaling::new().between(from, to).unwrap();
             let factor = factor.unwrap();
             let product = format!("{} {}", factor.as_str().unwrap(), from.unit);
             assert_eq!(convert(&product, &to.unit).unwrap().0, [1.0], "{product}");
@@ -253,7 +259,7 @@ mod tests {
     #[test]
     fn units_of_other_dimensions_are_refused() {
         let (m, kelvin) = (unit("m", LENGTH, 1.0, 0.0), unit("K", HEAT, 1.0, 0.0));
-        let refused = Line::new().convert(Some(&m), Some(&kelvin)).unwrap_err();
+        let refused = Scaling::new().convert(Some(&m), Some(&kelvin)).unwrap_err();
         assert!(
             refused.contains("`m` is no `K`") && refused.contains("suppressUnitConversion"),
             "{refused}"
@@ -261,13 +267,13 @@ mod tests {
         // The radian is dimensionless.
         let rate = unit("1/s", [0, 0, -1, 0, 0, 0, 0, 0], 1.0, 0.0);
         let turning = unit("rad/s", [0, 0, -1, 0, 0, 0, 0, 1], 1.0, 0.0);
-        assert_eq!(Line::new().convert(Some(&rate), Some(&turning)), Ok(()));
+        assert_eq!(Scaling::new().convert(Some(&rate), Some(&turning)), Ok(()));
         let odd = Unit {
             name: "furlong".into(),
             base: None,
         };
         assert!(
-            Line::new()
+            Scaling::new()
                 .convert(Some(&odd), Some(&m))
                 .unwrap_err()
                 .contains("furlong")

@@ -6,39 +6,39 @@ use fmu::{Description, Type, Unit, Variable};
 use toml::Value;
 
 use crate::error::Problem;
-use crate::numbers::Line;
-use crate::structure::{Bound, Content as ElementContent, Structure};
+use crate::numbers::Scaling;
+use crate::structure::{BoundValue, Content as ElementContent, Structure};
 use crate::transform::Transformation;
-use crate::values::{Content, Given};
+use crate::values::{Content, ParameterValue};
 
 /// The values bound to the connectors of systems, and to the variables of components.
-pub type Values<'a> = BTreeMap<(usize, String), &'a Bound>;
+pub type Values<'a> = BTreeMap<(usize, String), &'a BoundValue>;
 
 /// A step on the path of a value: whether unit conversion is suppressed, the transformation, and the unit of the receiver.
-pub type Passed<'a> = (bool, &'a Transformation, Option<&'a Unit>);
+pub type PathStep<'a> = (bool, &'a Transformation, Option<&'a Unit>);
 
 /// Resolves the bindings of all elements: those of a system before those inside it, and later ones before earlier ones. Returns names that
 /// exist nowhere, which the standard requires to be ignored.
-pub fn resolve<'a>(structure: &'a Structure, has: &dyn Fn(usize, &str) -> bool) -> (Values<'a>, Vec<&'a Bound>) {
-    let (mut values, mut nowhere) = (Values::new(), Vec::new());
+pub fn resolve<'a>(structure: &'a Structure, has: &dyn Fn(usize, &str) -> bool) -> (Values<'a>, Vec<&'a BoundValue>) {
+    let (mut values, mut unresolved) = (Values::new(), Vec::new());
     // A system precedes the elements inside it.
     for (number, element) in structure.elements.iter().enumerate().rev() {
         for bound in &element.bindings {
-            if put(structure, has, number, &bound.target, bound, &mut values) == 0 {
-                nowhere.push(bound);
+            if bind(structure, has, number, &bound.target, bound, &mut values) == 0 {
+                unresolved.push(bound);
             }
         }
     }
-    (values, nowhere)
+    (values, unresolved)
 }
 
 /// Binds a value to the targets that `name` denotes, starting at `element`; returns how many there were.
-fn put<'a>(
+fn bind<'a>(
     structure: &'a Structure,
     has: &dyn Fn(usize, &str) -> bool,
     element: usize,
     name: &str,
-    bound: &'a Bound,
+    bound: &'a BoundValue,
     values: &mut Values<'a>,
 ) -> usize {
     let mut used = 0;
@@ -52,30 +52,35 @@ fn put<'a>(
     for (number, inner) in structure.elements.iter().enumerate() {
         let rest = name.strip_prefix(&inner.name).and_then(|rest| rest.strip_prefix('.'));
         if let (Some(rest), true) = (rest, inner.parent == Some(element)) {
-            used += put(structure, has, number, rest, bound, values);
+            used += bind(structure, has, number, rest, bound, values);
         }
     }
     used
 }
 
-/// The scenario's value for `variable`, from a value that has passed along `way`.
+/// The scenario's value for `variable`, from a value that has passed along `path`.
 ///
 /// # Errors
 /// When the variable cannot have the value, with the value's location in the set.
 pub fn setting(
     description: &Description,
     variable: &Variable,
-    given: &Given,
-    way: &[Passed<'_>],
+    given: &ParameterValue,
+    path: &[PathStep<'_>],
 ) -> Result<Value, Problem> {
     let made = variable
         .settable()
         .map_err(|reason| format!("`{}` of the FMU cannot be set: {reason}", variable.name))
-        .and_then(|()| made(description, variable, given, way));
+        .and_then(|()| variable_value(description, variable, given, path));
     made.map_err(|reason| given.problem(reason))
 }
 
-fn made(description: &Description, variable: &Variable, given: &Given, way: &[Passed<'_>]) -> Result<Value, String> {
+fn variable_value(
+    description: &Description,
+    variable: &Variable,
+    given: &ParameterValue,
+    path: &[PathStep<'_>],
+) -> Result<Value, String> {
     let array = !variable.extents.is_empty();
     let all = |values: Vec<Value>| match <[Value; 1]>::try_from(values) {
         Ok([one]) if !array => Ok(one),
@@ -83,36 +88,41 @@ fn made(description: &Description, variable: &Variable, given: &Given, way: &[Pa
         Err(many) if array => Ok(Value::Array(many)),
         Err(many) => Err(format!("it has {} values; `{}` is no array", many.len(), variable.name)),
     };
-    let texts = |texts: &[String]| texts.iter().map(|text| passed(text, way)).collect::<Vec<String>>();
+    let texts = |texts: &[String]| {
+        texts
+            .iter()
+            .map(|text| mapped_text(text, path))
+            .collect::<Vec<String>>()
+    };
     let integer = |text: &str| {
         let value = text.parse::<i64>().map(Value::Integer);
         value.unwrap_or_else(|_| Value::String(text.to_owned()))
     };
     match (&given.content, variable.kind) {
         (Content::Real(numbers), kind) if kind.is_float() => {
-            let line = line(given, variable, description, way)?;
-            let numbers: Vec<f64> = numbers.iter().map(|number| line.at(*number)).collect();
+            let scaling = path_scaling(given, variable, description, path)?;
+            let numbers: Vec<f64> = numbers.iter().map(|number| scaling.at(*number)).collect();
             return quantity(description, variable, &numbers, array);
         }
-        (Content::Whole(numbers), kind) if kind.is_float() => {
-            let line = line(given, variable, description, way)?;
-            let numbers: Vec<f64> = numbers.iter().map(|number| line.at(*number as f64)).collect();
+        (Content::Integer(numbers), kind) if kind.is_float() => {
+            let scaling = path_scaling(given, variable, description, path)?;
+            let numbers: Vec<f64> = numbers.iter().map(|number| scaling.at(*number as f64)).collect();
             return quantity(description, variable, &numbers, array);
         }
         _ => {}
     }
-    if way
+    if path
         .iter()
         .any(|(_, transformation, _)| !transformation.is_linear_identity())
     {
         return Err("a LinearTransformation is for floating-point numbers alone".into());
     }
     match (&given.content, variable.kind) {
-        (Content::Whole(numbers), kind) if kind.integers().is_some() => {
+        (Content::Integer(numbers), kind) if kind.integers().is_some() => {
             let numbers: Vec<String> = numbers.iter().map(ToString::to_string).collect();
             all(texts(&numbers).iter().map(|text| integer(text)).collect())
         }
-        (Content::Truth(values), Type::Boolean) => {
+        (Content::Boolean(values), Type::Boolean) => {
             let values: Vec<String> = values.iter().map(ToString::to_string).collect();
             all(texts(&values)
                 .iter()
@@ -134,18 +144,18 @@ fn made(description: &Description, variable: &Variable, given: &Given, way: &[Pa
         (Content::Bytes(values), Type::Binary) => all(values.iter().cloned().map(Value::String).collect()),
         (content, kind) => Err(format!(
             "it is {}, and `{}` of the FMU is a {}",
-            words(content),
+            type_name(content),
             variable.name,
             kind.name()
         )),
     }
 }
 
-fn words(content: &Content) -> &'static str {
+fn type_name(content: &Content) -> &'static str {
     match content {
         Content::Real(_) => "a Real",
-        Content::Whole(_) => "an Integer",
-        Content::Truth(_) => "a Boolean",
+        Content::Integer(_) => "an Integer",
+        Content::Boolean(_) => "a Boolean",
         Content::Text(_) => "a String",
         Content::Items(..) => "an Enumeration",
         Content::Bytes(_) => "a Binary",
@@ -153,8 +163,8 @@ fn words(content: &Content) -> &'static str {
 }
 
 /// The value after the tables on its path.
-fn passed(text: &str, way: &[Passed<'_>]) -> String {
-    way.iter().fold(text.to_owned(), |text, (_, transformation, _)| {
+fn mapped_text(text: &str, path: &[PathStep<'_>]) -> String {
+    path.iter().fold(text.to_owned(), |text, (_, transformation, _)| {
         if transformation.table.is_some() {
             transformation.mapped(&text)
         } else {
@@ -164,18 +174,23 @@ fn passed(text: &str, way: &[Passed<'_>]) -> String {
 }
 
 /// The number after its path, in the unit of the variable.
-fn line(given: &Given, variable: &Variable, description: &Description, way: &[Passed<'_>]) -> Result<Line, String> {
-    let mut line = Line::of(variable.relative);
+fn path_scaling(
+    given: &ParameterValue,
+    variable: &Variable,
+    description: &Description,
+    path: &[PathStep<'_>],
+) -> Result<Scaling, String> {
+    let mut scaling = Scaling::of(variable.relative);
     let mut unit = given.unit.as_ref();
-    for (suppress, transformation, taker) in way {
+    for (suppress, transformation, target) in path {
         if !suppress {
-            line.convert(unit, *taker)?;
+            scaling.convert(unit, *target)?;
         }
-        line.transform(transformation);
-        unit = crate::trace::unit_after(unit, *taker, *suppress);
+        scaling.transform(transformation);
+        unit = crate::trace::unit_after(unit, *target, *suppress);
     }
-    line.convert(unit, description.unit(variable))?;
-    Ok(line)
+    scaling.convert(unit, description.unit(variable))?;
+    Ok(scaling)
 }
 
 /// Numbers in the FMU's own unit.

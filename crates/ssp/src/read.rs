@@ -9,9 +9,11 @@ use roxmltree::Node;
 
 use crate::error::Problem;
 use crate::package::Package;
-use crate::structure::{Bound, Connection, Connector, Content, Element, End, Kind, Place, Structure};
+use crate::structure::{
+    BoundValue, Connection, ConnectionEnd, Connector, ConnectorKind, Content, Element, Location, Structure,
+};
 use crate::transform::Transformation;
-use crate::values::Given;
+use crate::values::ParameterValue;
 use crate::xml::{Xml, child, children, elements, parse};
 use crate::{mapping, values};
 
@@ -24,7 +26,7 @@ const ELEMENTS_MAX: usize = 10_000;
 
 /// Everything read so far, from the description and from those that it refers to.
 #[derive(Default)]
-struct Found {
+struct ReadElements {
     files: Vec<Rc<str>>,
     elements: Vec<Element>,
     inside: BTreeMap<String, Vec<u8>>,
@@ -34,7 +36,7 @@ struct Found {
 }
 
 /// The location of a description.
-struct Home<'a> {
+struct DescriptionContext<'a> {
     package: &'a Package,
     /// The prefix of its files' names: `inner.ssp!/` for a package inside the package.
     prefix: String,
@@ -46,10 +48,10 @@ struct Home<'a> {
 struct Reader<'a> {
     xml: Xml<'a>,
     root: Node<'a, 'a>,
-    home: &'a Home<'a>,
+    context: &'a DescriptionContext<'a>,
     /// The number of its file.
     file: usize,
-    found: Found,
+    found: ReadElements,
 }
 
 /// Reads the description of `package`, which is `bytes`.
@@ -57,13 +59,13 @@ struct Reader<'a> {
 /// # Errors
 /// All problems: what is wrong with it or cannot be expressed.
 pub fn read(package: &Package, bytes: &[u8]) -> Result<Structure, Vec<Problem>> {
-    let home = Home {
+    let context = DescriptionContext {
         package,
         prefix: String::new(),
         folder: String::new(),
     };
-    let mut found = Found::default();
-    let structure = described(&home, DESCRIPTION, bytes, &mut found, |reader| reader.structure());
+    let mut found = ReadElements::default();
+    let structure = read_description(&context, DESCRIPTION, bytes, &mut found, |reader| reader.structure());
     match structure {
         Ok(structure) if found.problems.is_empty() => Ok(Structure {
             files: found.files,
@@ -80,21 +82,21 @@ pub fn read(package: &Package, bytes: &[u8]) -> Result<Structure, Vec<Problem>> 
 }
 
 /// Reads the description `file`, whose content is `bytes`; appends its elements to those read before.
-fn described<T>(
-    home: &Home<'_>,
+fn read_description<T>(
+    context: &DescriptionContext<'_>,
     file: &str,
     bytes: &[u8],
-    found: &mut Found,
+    found: &mut ReadElements,
     work: impl FnOnce(&mut Reader<'_>) -> Result<T, Problem>,
 ) -> Result<T, Problem> {
-    let name = format!("{}{file}", home.prefix);
+    let name = format!("{}{file}", context.prefix);
     parse(&name, bytes, |xml, root| {
         found.files.push(name.as_str().into());
         // The node and its document live as long as this call.
         let mut reader = Reader {
             xml,
             root,
-            home,
+            context,
             file: found.files.len() - 1,
             found: std::mem::take(found),
         };
@@ -109,7 +111,7 @@ impl<'a> Reader<'a> {
     fn root_system(&self) -> Result<Node<'a, 'a>, Problem> {
         let (xml, root) = (self.xml, self.root);
         xml.root(root, "SystemStructureDescription")?;
-        let version = xml.needed(root, "version")?;
+        let version = xml.required_attribute(root, "version")?;
         if !(version.starts_with("1.") || version.starts_with("2.")) {
             return Err(xml.problem(root, format!("SSP version `{version}`; 1.0 and 2.0 are supported")));
         }
@@ -120,7 +122,7 @@ impl<'a> Reader<'a> {
     fn structure(&mut self) -> Result<Structure, Problem> {
         let system = self.root_system()?;
         let (xml, root) = (self.xml, self.root);
-        let name = xml.needed(root, "name")?;
+        let name = xml.required_attribute(root, "name")?;
         let (mut start, mut stop) = (None, None);
         if let Some(experiment) = child(root, "DefaultExperiment") {
             start = xml.number(experiment, "startTime")?;
@@ -137,8 +139,8 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn place(&self, node: Node<'_, '_>) -> Place {
-        Place {
+    fn location(&self, node: Node<'_, '_>) -> Location {
+        Location {
             file: self.file,
             line: self.xml.line(node),
         }
@@ -155,7 +157,7 @@ impl<'a> Reader<'a> {
         // The name of the root may be missing: nothing refers to it.
         let name = match parent {
             None => node.attribute("name").unwrap_or_default().to_owned(),
-            Some(_) => xml.needed(node, "name")?,
+            Some(_) => xml.required_attribute(node, "name")?,
         };
         if self.found.elements.len() >= ELEMENTS_MAX {
             return Err(xml.problem(node, format!("there are more than {ELEMENTS_MAX} elements")));
@@ -176,7 +178,7 @@ impl<'a> Reader<'a> {
             connectors,
             bindings,
             content,
-            line: self.place(node),
+            line: self.location(node),
         });
         Ok(self.found.elements.len() - 1)
     }
@@ -196,7 +198,7 @@ impl<'a> Reader<'a> {
         Ok(connectors)
     }
 
-    fn bindings(&mut self, node: Node<'a, 'a>) -> Result<Vec<Bound>, Problem> {
+    fn bindings(&mut self, node: Node<'a, 'a>) -> Result<Vec<BoundValue>, Problem> {
         let mut bindings = Vec::new();
         for binding in children(node, "ParameterBindings").flat_map(elements) {
             bindings.extend(self.binding(binding)?);
@@ -206,12 +208,12 @@ impl<'a> Reader<'a> {
 
     fn connector(&mut self, node: Node<'a, 'a>) -> Result<Connector, Problem> {
         let xml = self.xml;
-        let name = xml.needed(node, "name")?;
-        let kind = match xml.needed(node, "kind")?.as_str() {
-            "input" => Kind::Input,
-            "parameter" | "structuralParameter" => Kind::Parameter,
-            "output" | "local" | "calculatedParameter" | "constant" => Kind::Output,
-            "inout" | "unspecified" => Kind::Open,
+        let name = xml.required_attribute(node, "name")?;
+        let kind = match xml.required_attribute(node, "kind")?.as_str() {
+            "input" => ConnectorKind::Input,
+            "parameter" | "structuralParameter" => ConnectorKind::Parameter,
+            "output" | "local" | "calculatedParameter" | "constant" => ConnectorKind::Output,
+            "inout" | "unspecified" => ConnectorKind::Open,
             other => return Err(xml.problem(node, format!("the connector `{name}` has the unknown kind `{other}`"))),
         };
         let of_type = elements(node).find(|one| one.attribute("unit").is_some());
@@ -219,7 +221,7 @@ impl<'a> Reader<'a> {
             unit: of_type.map_or(Ok(None), |own| xml.unit(self.root, own))?,
             name,
             kind,
-            line: self.place(node),
+            line: self.location(node),
         })
     }
 
@@ -236,14 +238,14 @@ impl<'a> Reader<'a> {
                 .problem(node, format!("systems are nested more than {DEPTH_MAX} deep")));
         }
         for dictionary in children(node, "SignalDictionaries").flat_map(elements) {
-            let name = self.xml.needed(dictionary, "name")?;
+            let name = self.xml.required_attribute(dictionary, "name")?;
             self.found.dictionaries.push((own, name));
         }
         for inner in children(node, "Elements").flat_map(elements) {
             match inner.tag_name().name() {
                 "System" => self.system(inner, Some(own), depth + 1)?,
                 "Component" => self.component(inner, own, depth)?,
-                "SignalDictionaryReference" => self.shared(inner, own)?,
+                "SignalDictionaryReference" => self.dictionary_reference(inner, own)?,
                 other => {
                     let reason = format!(
                         "`{other}` is not supported: the elements of a system are components, systems and references to signal dictionaries"
@@ -261,13 +263,15 @@ impl<'a> Reader<'a> {
     }
 
     /// A reference to a signal dictionary of this system or of an enclosing one.
-    fn shared(&mut self, node: Node<'a, 'a>, parent: usize) -> Result<(), Problem> {
-        let name = self.xml.needed(node, "dictionary")?;
+    fn dictionary_reference(&mut self, node: Node<'a, 'a>, parent: usize) -> Result<(), Problem> {
+        let name = self.xml.required_attribute(node, "dictionary")?;
         let mut around = Some(parent);
         while let Some(system) = around {
             let mut all = self.found.dictionaries.iter();
             if let Some(number) = all.position(|(owner, own)| *owner == system && *own == name) {
-                return self.element(node, Some(parent), Content::Shared(number)).map(|_| ());
+                return self
+                    .element(node, Some(parent), Content::DictionaryReference(number))
+                    .map(|_| ());
             }
             around = self.found.elements[system].parent;
         }
@@ -305,7 +309,7 @@ impl<'a> Reader<'a> {
                 None
             }
         };
-        let source = source.map(|path| self.taken(path)).unwrap_or_default();
+        let source = source.map(|path| self.fmu_source(path)).unwrap_or_default();
         self.element(node, Some(parent), Content::Component(source))?;
         Ok(())
     }
@@ -315,7 +319,7 @@ impl<'a> Reader<'a> {
         let own = decoded(uri);
         let own = own.strip_prefix("./").unwrap_or(&own);
         let outside = own.contains("://") || own.starts_with('/') || own.split('/').any(|part| part == "..");
-        let path = format!("{}{own}", self.home.folder);
+        let path = format!("{}{own}", self.context.folder);
         if outside || own.contains('#') || own.starts_with("file:") || node.attribute("sourceBase") == Some("component")
         {
             let reason =
@@ -323,7 +327,7 @@ impl<'a> Reader<'a> {
             self.refuse(node, reason);
             return None;
         }
-        if !self.home.package.has(&path) {
+        if !self.context.package.has(&path) {
             self.refuse(node, format!("the source `{uri}` is not in the package"));
             return None;
         }
@@ -339,13 +343,13 @@ impl<'a> Reader<'a> {
                 self.refuse(node, reason);
             }
         }
-        let start = self.end(node, system, "startElement", "startConnector")?;
-        let end = self.end(node, system, "endElement", "endConnector")?;
+        let start = self.connection_end(node, system, "startElement", "startConnector")?;
+        let end = self.connection_end(node, system, "endElement", "endConnector")?;
         let (suppress, transformation) = (
             xml.flag(node, "suppressUnitConversion")?,
             Transformation::read(xml, node)?,
         );
-        let line = self.place(node);
+        let line = self.location(node);
         Ok(start.zip(end).map(|(start, end)| Connection {
             start,
             end,
@@ -355,14 +359,14 @@ impl<'a> Reader<'a> {
         }))
     }
 
-    fn end(
+    fn connection_end(
         &mut self,
         node: Node<'a, 'a>,
         system: usize,
         element: &str,
         connector: &str,
-    ) -> Result<Option<End>, Problem> {
-        let connector = self.xml.needed(node, connector)?;
+    ) -> Result<Option<ConnectionEnd>, Problem> {
+        let connector = self.xml.required_attribute(node, connector)?;
         let found = match node.attribute(element) {
             None => None,
             Some(name) => {
@@ -395,7 +399,7 @@ impl<'a> Reader<'a> {
         Ok(Some((found, connector)))
     }
 
-    fn binding(&mut self, node: Node<'a, 'a>) -> Result<Vec<Bound>, Problem> {
+    fn binding(&mut self, node: Node<'a, 'a>) -> Result<Vec<BoundValue>, Problem> {
         const SET: &str = "application/x-ssp-parameter-set";
         let kind = node.attribute("type").unwrap_or(SET);
         if kind != SET {
@@ -411,10 +415,10 @@ impl<'a> Reader<'a> {
             None => None,
             Some(own) => Some(self.content(own, "", mapping::read)?),
         };
-        let given: Vec<Rc<Given>> = given.unwrap_or_default().into_iter().map(Rc::new).collect();
+        let given: Vec<Rc<ParameterValue>> = given.unwrap_or_default().into_iter().map(Rc::new).collect();
         let named = given.into_iter().map(|one| (format!("{prefix}{}", one.name), one));
         let Some(map) = map.map(Option::unwrap_or_default) else {
-            let bound = named.map(|(target, given)| Bound {
+            let bound = named.map(|(target, given)| BoundValue {
                 target,
                 given,
                 suppress: false,
@@ -424,7 +428,7 @@ impl<'a> Reader<'a> {
         };
         let mut bound = Vec::new();
         for (name, given) in named {
-            bound.extend(map.iter().filter(|entry| entry.source == name).map(|entry| Bound {
+            bound.extend(map.iter().filter(|entry| entry.source == name).map(|entry| BoundValue {
                 target: entry.target.clone(),
                 given: Rc::clone(&given),
                 suppress: entry.suppress,
@@ -445,8 +449,8 @@ impl<'a> Reader<'a> {
             let Some(entry) = self.entry(node, source) else {
                 return Ok(None);
             };
-            return match self.home.package.file(&entry) {
-                Some(Ok(bytes)) => parse(&format!("{}{entry}", self.home.prefix), &bytes, read).map(Some),
+            return match self.context.package.file(&entry) {
+                Some(Ok(bytes)) => parse(&format!("{}{entry}", self.context.prefix), &bytes, read).map(Some),
                 Some(Err(error)) => Err(self.xml.problem(node, error.to_string())),
                 None => Ok(None),
             };

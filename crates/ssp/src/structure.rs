@@ -7,7 +7,7 @@ use fmu::Unit;
 
 use crate::error::Problem;
 use crate::transform::Transformation;
-use crate::values::Given;
+use crate::values::ParameterValue;
 
 /// The description of a package. Elements are numbered; the first is the root system.
 #[derive(Debug)]
@@ -28,7 +28,7 @@ pub struct Structure {
 
 /// A line of one of the files.
 #[derive(Debug, Clone, Copy)]
-pub struct Place {
+pub struct Location {
     /// The file's number.
     pub file: usize,
     /// The line, from 1.
@@ -45,23 +45,23 @@ pub struct Element {
     /// Its connectors.
     pub connectors: Vec<Connector>,
     /// Values of parameters, later ones before earlier ones.
-    pub bindings: Vec<Bound>,
+    pub bindings: Vec<BoundValue>,
     /// Its kind.
     pub content: Content,
     /// The line.
-    pub line: Place,
+    pub line: Location,
 }
 
 /// The kind of an element.
 #[derive(Debug)]
 pub enum Content {
-    /// A system with connections of its own.
+    /// A system with its connections.
     System(Vec<Connection>),
     /// A component, with the entry of the archive that contains its FMU.
     Component(String),
     /// A reference to the signal dictionary of this number: a value that enters a connector of one reference leaves by the connectors of
     /// that name of all references.
-    Shared(usize),
+    DictionaryReference(usize),
 }
 
 /// A connector of an element.
@@ -70,16 +70,16 @@ pub struct Connector {
     /// Its name.
     pub name: String,
     /// Its kind.
-    pub kind: Kind,
+    pub kind: ConnectorKind,
     /// Its unit, if stated.
     pub unit: Option<Unit>,
     /// The line.
-    pub line: Place,
+    pub line: Location,
 }
 
 /// The kind of a connector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ConnectorKind {
     /// A value that enters the element before the run starts.
     Parameter,
     /// A value that enters the element.
@@ -91,30 +91,30 @@ pub enum Kind {
 }
 
 /// An end of a connection: an element of the system, or none for the system itself, and a connector.
-pub type End = (Option<usize>, String);
+pub type ConnectionEnd = (Option<usize>, String);
 
 /// A connection of a system. The kinds of the connectors determine which end is the source.
 #[derive(Debug)]
 pub struct Connection {
     /// One end.
-    pub start: End,
+    pub start: ConnectionEnd,
     /// The other end.
-    pub end: End,
+    pub end: ConnectionEnd,
     /// Whether unit conversion is suppressed.
     pub suppress: bool,
     /// The transformation of the value.
     pub transformation: Transformation,
     /// The line.
-    pub line: Place,
+    pub line: Location,
 }
 
 /// A value for a parameter of an element, or of one inside it.
 #[derive(Debug, Clone)]
-pub struct Bound {
+pub struct BoundValue {
     /// The parameter's name relative to the element: `P`, or `inner.P`.
     pub target: String,
     /// The value.
-    pub given: Rc<Given>,
+    pub given: Rc<ParameterValue>,
     /// Whether unit conversion is suppressed.
     pub suppress: bool,
     /// The transformation of the value.
@@ -127,11 +127,11 @@ impl Element {
         self.connectors.iter().find(|one| one.name == name)
     }
 
-    /// Whether the element is a component.
+    /// The source of the FMU, if the element is a component.
     pub fn source(&self) -> Option<&str> {
         match &self.content {
             Content::Component(source) => Some(source),
-            Content::System(_) | Content::Shared(_) => None,
+            Content::System(_) | Content::DictionaryReference(_) => None,
         }
     }
 }
@@ -148,7 +148,7 @@ impl Structure {
     }
 
     /// A connector with its element, for messages.
-    pub fn shown(&self, element: usize, connector: &str) -> String {
+    pub fn connector_path(&self, element: usize, connector: &str) -> String {
         let path = self.path(element);
         if path.is_empty() {
             connector.to_owned()
@@ -158,7 +158,7 @@ impl Structure {
     }
 
     /// A problem in a description.
-    pub fn problem(&self, place: Place, reason: String) -> Problem {
+    pub fn problem(&self, place: Location, reason: String) -> Problem {
         Problem {
             file: self.files[place.file].to_string(),
             line: place.line,

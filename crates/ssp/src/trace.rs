@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use fmu::Unit;
 
 use crate::error::Problem;
-use crate::structure::{Connection, Content, End, Kind, Structure};
+use crate::structure::{Connection, ConnectionEnd, ConnectorKind, Content, Structure};
 
 /// A connection on the path of a value, with the connector that the value enters by it.
 #[derive(Clone, Copy)]
@@ -13,7 +13,7 @@ pub struct Step<'a> {
     /// The connection.
     pub connection: &'a Connection,
     /// The element whose connector receives the value, and its connector.
-    pub taker: (usize, &'a str),
+    pub target: (usize, &'a str),
 }
 
 /// The source of a value, and the path from there.
@@ -28,7 +28,7 @@ pub struct Trace<'a> {
 pub struct Network<'a> {
     structure: &'a Structure,
     /// By system and receiving end: the connection, its source end and its receiving end.
-    feeds: HashMap<(usize, End), (&'a Connection, &'a End, &'a End)>,
+    feeds: HashMap<(usize, ConnectionEnd), (&'a Connection, &'a ConnectionEnd, &'a ConnectionEnd)>,
     /// By signal dictionary and name: the reference that the value enters.
     shared: HashMap<(usize, &'a str), usize>,
     count: usize,
@@ -54,9 +54,9 @@ impl<'a> Network<'a> {
             for connection in connections {
                 network.count += 1;
                 let ends = (&connection.start, &connection.end);
-                let gives = (network.gives(system, ends.0), network.gives(system, ends.1));
-                let shown = |end: &End| structure.shown(end.0.unwrap_or(system), &end.1);
-                let (giver, taker) = match gives {
+                let gives = (network.is_source(system, ends.0), network.is_source(system, ends.1));
+                let shown = |end: &ConnectionEnd| structure.connector_path(end.0.unwrap_or(system), &end.1);
+                let (source, target) = match gives {
                     (Some(true), Some(false)) | (Some(true), None) | (None, Some(false)) => ends,
                     (Some(false), Some(true)) | (None, Some(true)) | (Some(false), None) => (ends.1, ends.0),
                     _ => {
@@ -70,10 +70,10 @@ impl<'a> Network<'a> {
                         continue;
                     }
                 };
-                let feed = (connection, giver, taker);
-                let twice = network.share(taker);
-                if network.feeds.insert((system, taker.clone()), feed).is_some() || twice {
-                    let reason = format!("`{}` is fed by two connections", shown(taker));
+                let feed = (connection, source, target);
+                let twice = network.mark_dictionary_source(target);
+                if network.feeds.insert((system, target.clone()), feed).is_some() || twice {
+                    let reason = format!("`{}` is fed by two connections", shown(target));
                     problems.push(structure.problem(connection.line, reason));
                 }
             }
@@ -82,22 +82,22 @@ impl<'a> Network<'a> {
     }
 
     /// Records that a value enters a reference to a signal dictionary; returns whether another one already does.
-    fn share(&mut self, taker: &'a End) -> bool {
-        let Some(reference) = taker.0 else { return false };
-        let Content::Shared(dictionary) = self.structure.elements[reference].content else {
+    fn mark_dictionary_source(&mut self, target: &'a ConnectionEnd) -> bool {
+        let Some(reference) = target.0 else { return false };
+        let Content::DictionaryReference(dictionary) = self.structure.elements[reference].content else {
             return false;
         };
-        let before = self.shared.insert((dictionary, &taker.1), reference);
+        let before = self.shared.insert((dictionary, &target.1), reference);
         before.is_some_and(|before| before != reference)
     }
 
     /// Whether an end is a source inside `system`, as an input of the system itself is.
-    fn gives(&self, system: usize, end: &End) -> Option<bool> {
+    fn is_source(&self, system: usize, end: &ConnectionEnd) -> Option<bool> {
         let owner = &self.structure.elements[end.0.unwrap_or(system)];
         let out = match owner.connector(&end.1)?.kind {
-            Kind::Output => true,
-            Kind::Input | Kind::Parameter => false,
-            Kind::Open => return None,
+            ConnectorKind::Output => true,
+            ConnectorKind::Input | ConnectorKind::Parameter => false,
+            ConnectorKind::Open => return None,
         };
         Some(out == end.0.is_some())
     }
@@ -120,7 +120,7 @@ impl<'a> Network<'a> {
             };
             let end = ((!inside).then_some(owner), name.to_owned());
             let found = system.and_then(|system| Some((system, *self.feeds.get(&(system, end))?)));
-            let Some((system, (connection, giver, taker))) = found else {
+            let Some((system, (connection, source, target))) = found else {
                 steps.reverse();
                 return Ok(Trace {
                     origin: (owner, name),
@@ -128,43 +128,45 @@ impl<'a> Network<'a> {
                 });
             };
             if steps.len() > self.count {
-                let shown = structure.shown(owner, name);
+                let shown = structure.connector_path(owner, name);
                 let reason = format!("the connections that feed `{shown}` go in a circle without a component");
                 return Err(structure.problem(connection.line, reason));
             }
             steps.push(Step {
                 connection,
-                taker: (owner, &taker.1),
+                target: (owner, &target.1),
             });
-            match giver.0 {
+            match source.0 {
                 // An output of a component: the source.
                 Some(component) if structure.elements[component].source().is_some() => {
                     steps.reverse();
                     return Ok(Trace {
-                        origin: (component, &giver.1),
+                        origin: (component, &source.1),
                         steps,
                     });
                 }
                 // An output of a nested system: continue inside. Of a signal dictionary: continue where the value enters it.
                 Some(nested) => {
                     at = match structure.elements[nested].content {
-                        Content::Shared(dictionary) => match self.shared.get(&(dictionary, giver.1.as_str())) {
-                            Some(reference) => (*reference, giver.1.as_str(), false),
-                            None => (nested, giver.1.as_str(), true),
-                        },
-                        _ => (nested, giver.1.as_str(), true),
+                        Content::DictionaryReference(dictionary) => {
+                            match self.shared.get(&(dictionary, source.1.as_str())) {
+                                Some(reference) => (*reference, source.1.as_str(), false),
+                                None => (nested, source.1.as_str(), true),
+                            }
+                        }
+                        _ => (nested, source.1.as_str(), true),
                     }
                 }
                 // The system's own input: continue outside.
-                None => at = (system, &giver.1, false),
+                None => at = (system, &source.1, false),
             }
         }
     }
 }
 
 /// The unit of a value after `steps`, each of which may change it.
-pub fn unit_after<'a>(before: Option<&'a Unit>, taker: Option<&'a Unit>, suppress: bool) -> Option<&'a Unit> {
-    match (taker, suppress) {
+pub fn unit_after<'a>(before: Option<&'a Unit>, target: Option<&'a Unit>, suppress: bool) -> Option<&'a Unit> {
+    match (target, suppress) {
         (Some(unit), _) => Some(unit),
         (None, false) => before,
         (None, true) => None,

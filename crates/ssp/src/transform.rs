@@ -3,7 +3,7 @@
 use roxmltree::Node;
 
 use crate::error::Problem;
-use crate::xml::{Xml, children, elements, truth};
+use crate::xml::{Xml, children, elements, parse_bool};
 
 /// The transformation of a value on its path, after unit conversion.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,9 +49,10 @@ impl Transformation {
             };
             own.table = Some(table);
             for entry in children(element, "MapEntry") {
-                let source = xml.needed(entry, "source")?;
-                let target = xml.needed(entry, "target")?;
-                own.entries.push((plain(&source), plain(&target)));
+                let source = xml.required_attribute(entry, "source")?;
+                let target = xml.required_attribute(entry, "target")?;
+                own.entries
+                    .push((normalised_literal(&source), normalised_literal(&target)));
             }
         }
         Ok(own)
@@ -69,16 +70,16 @@ impl Transformation {
 
     /// The result of the table for `value`.
     pub fn mapped(&self, value: &str) -> String {
-        let value = plain(value);
+        let value = normalised_literal(value);
         let found = self.entries.iter().find(|(source, _)| *source == value);
         found.map_or(value, |(_, target)| target.clone())
     }
 }
 
 /// Normalises the spelling of truth values and whole numbers.
-fn plain(text: &str) -> String {
+fn normalised_literal(text: &str) -> String {
     let text = text.trim();
-    match (truth(text), text.parse::<i128>()) {
+    match (parse_bool(text), text.parse::<i128>()) {
         (_, Ok(number)) => number.to_string(),
         (Some(value), _) => value.to_string(),
         _ => text.to_owned(),

@@ -7,11 +7,11 @@ use roxmltree::Node;
 
 use crate::error::Problem;
 use crate::transform::items;
-use crate::xml::{Xml, child, children, elements, truth};
+use crate::xml::{Xml, child, children, elements, parse_bool};
 
 /// A value of a parameter set.
 #[derive(Debug, Clone)]
-pub struct Given {
+pub struct ParameterValue {
     /// The parameter's name in its set.
     pub name: String,
     /// Its kind and value.
@@ -30,9 +30,9 @@ pub enum Content {
     /// Floating-point numbers.
     Real(Vec<f64>),
     /// Whole numbers.
-    Whole(Vec<i128>),
+    Integer(Vec<i128>),
     /// Truth values.
-    Truth(Vec<bool>),
+    Boolean(Vec<bool>),
     /// Texts.
     Text(Vec<String>),
     /// Items of an enumeration by name, and their values where the set states them.
@@ -41,7 +41,7 @@ pub enum Content {
     Bytes(Vec<String>),
 }
 
-impl Given {
+impl ParameterValue {
     /// A problem at the location of the value.
     pub fn problem(&self, reason: String) -> Problem {
         Problem {
@@ -56,13 +56,13 @@ impl Given {
 ///
 /// # Errors
 /// What is missing or wrong, with its line.
-pub fn read(xml: Xml<'_>, root: Node<'_, '_>) -> Result<Vec<Given>, Problem> {
+pub fn read(xml: Xml<'_>, root: Node<'_, '_>) -> Result<Vec<ParameterValue>, Problem> {
     xml.root(root, "ParameterSet")?;
     let file: Rc<str> = xml.file.into();
     let known = items(root);
     let mut all = Vec::new();
     for node in children(root, "Parameters").flat_map(elements) {
-        let name = xml.needed(node, "name")?;
+        let name = xml.required_attribute(node, "name")?;
         let Some(own) = elements(node).find(|one| !matches!(one.tag_name().name(), "Dimension" | "Annotations")) else {
             return Err(xml.problem(
                 node,
@@ -70,7 +70,7 @@ pub fn read(xml: Xml<'_>, root: Node<'_, '_>) -> Result<Vec<Given>, Problem> {
             ));
         };
         let array = child(node, "Dimension").is_some();
-        all.push(Given {
+        all.push(ParameterValue {
             content: content(xml, own, array, &known)?,
             unit: xml.unit(root, own)?,
             name,
@@ -95,18 +95,18 @@ fn content(xml: Xml<'_>, node: Node<'_, '_>, array: bool, known: &[(String, Stri
         None if texts.is_empty() => return Err(xml.problem(node, format!("`{kind}` has no `value`"))),
         None => {}
     }
-    fn each<T>(texts: &[String], read: impl Fn(&str) -> Option<T>) -> Option<Vec<T>> {
+    fn parse_each<T>(texts: &[String], read: impl Fn(&str) -> Option<T>) -> Option<Vec<T>> {
         texts.iter().map(|text| read(text.trim())).collect()
     }
     let read = match kind {
         "Real" | "Float64" | "Float32" => {
             let finite = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite());
-            each(&texts, finite).map(Content::Real)
+            parse_each(&texts, finite).map(Content::Real)
         }
         "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
-            each(&texts, |text| text.parse().ok()).map(Content::Whole)
+            parse_each(&texts, |text| text.parse().ok()).map(Content::Integer)
         }
-        "Boolean" => each(&texts, truth).map(Content::Truth),
+        "Boolean" => parse_each(&texts, parse_bool).map(Content::Boolean),
         "String" => Some(Content::Text(texts.clone())),
         "Binary" => Some(Content::Bytes(texts.clone())),
         "Enumeration" => {

@@ -96,7 +96,7 @@ impl Xml<'_> {
     }
 
     /// A required attribute.
-    pub fn needed(&self, node: Node<'_, '_>, name: &str) -> Result<String, Problem> {
+    pub fn required_attribute(&self, node: Node<'_, '_>, name: &str) -> Result<String, Problem> {
         let found = node.attribute(name).map(str::to_owned);
         found.ok_or_else(|| self.problem(node, format!("`{}` has no `{name}`", node.tag_name().name())))
     }
@@ -120,9 +120,8 @@ impl Xml<'_> {
     pub fn flag(&self, node: Node<'_, '_>, name: &str) -> Result<bool, Problem> {
         match node.attribute(name).map(str::trim) {
             None => Ok(false),
-            Some(text) => {
-                truth(text).ok_or_else(|| self.problem(node, format!("`{name}` is `{text}`, neither true nor false")))
-            }
+            Some(text) => parse_bool(text)
+                .ok_or_else(|| self.problem(node, format!("`{name}` is `{text}`, neither true nor false"))),
         }
     }
 
@@ -156,7 +155,7 @@ impl Xml<'_> {
 }
 
 /// A truth value in the notation of XML.
-pub fn truth(text: &str) -> Option<bool> {
+pub fn parse_bool(text: &str) -> Option<bool> {
     match text {
         "true" | "1" => Some(true),
         "false" | "0" => Some(false),

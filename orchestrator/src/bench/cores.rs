@@ -11,7 +11,7 @@ pub(super) fn cores() -> Vec<usize> {
 }
 
 /// Pins this thread to the core number `which` of those that it may use.
-pub(super) fn tie_to(which: usize) {
+pub(super) fn pin_thread_to(which: usize) {
     let cores = cores();
     if cores.len() > 1 {
         let mut set = CpuSet::new();

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use lockstep::random::Stream;
 use rustix::process::{Pid, Signal, kill_process};
 
-use super::Figures;
+use super::Measurements;
 use engine::run::{Ending, Outcome};
 
 /// Milliseconds from `kill -9` of a participant to its detection by the orchestrator, `count` times. Each time `run` starts
@@ -14,9 +14,13 @@ use engine::run::{Ending, Outcome};
 ///
 /// # Errors
 /// An error of `run`, or a run that ends in another way.
-pub fn deaths(count: usize, out: &Path, mut run: impl FnMut() -> anyhow::Result<Outcome>) -> anyhow::Result<Figures> {
+pub fn death_detection_latency(
+    count: usize,
+    out: &Path,
+    mut run: impl FnMut() -> anyhow::Result<Outcome>,
+) -> anyhow::Result<Measurements> {
     let draws = Stream::new(1, "deaths");
-    let mut figures = Figures::default();
+    let mut figures = Measurements::default();
     for number in 0..count as u64 {
         let draw = |which: u64| draws.uniform(4 * number + which);
         // Up to 20 ms: several polling periods of the orchestrator, whatever it waits for between them.

@@ -7,28 +7,28 @@ use std::time::{Duration, Instant};
 use lockstep::transport::iceoryx::bare::{BarePingPong, Payload};
 use lockstep::transport::iceoryx::{Address, Domain};
 
-use super::cores::{cores, tie_to};
-use super::{Figures, polled};
+use super::cores::{cores, pin_thread_to};
+use super::{Measurements, polled};
 use engine::run::{Wait, ending_of_process};
 use engine::scope::Scope;
 
 /// Round trips per round.
 const ROUND: u64 = 50_000;
 /// The environment variable with the address of the run for a child.
-const TABLE: &str = "ESCAPEMENT_BENCH";
+const ADDRESS_VARIABLE: &str = "ESCAPEMENT_BENCH";
 
 /// Nanoseconds per exchange of 27 doubles each way.
 pub struct Exchange {
     /// Two participants in processes of their own, recording included.
-    pub lockstep: Figures,
+    pub lockstep: Measurements,
     /// The same with nothing recorded, so that the recorder sleeps: a core for each participant.
-    pub unrecorded: Figures,
+    pub unrecorded: Measurements,
     /// The same payload over two bare publish-subscribe services, polled.
-    pub bare: Figures,
+    pub bare: Measurements,
     /// The same payload over two rings of slots between two threads, polled.
-    pub rings: Figures,
+    pub rings: Measurements,
     /// The same payload over two atomic counters in memory shared by two cores.
-    pub atomics: Figures,
+    pub atomics: Measurements,
 }
 
 /// Measures `rounds` rounds of each, alternating. The last argument runs one lockstep round, recorded or not, and returns seconds per
@@ -38,11 +38,11 @@ pub fn exchange(
     mut lockstep: impl FnMut(u64, Wait, bool) -> anyhow::Result<f64>,
 ) -> anyhow::Result<Exchange> {
     let mut all = Exchange {
-        lockstep: Figures::default(),
-        unrecorded: Figures::default(),
-        bare: Figures::default(),
-        rings: Figures::default(),
-        atomics: Figures::default(),
+        lockstep: Measurements::default(),
+        unrecorded: Measurements::default(),
+        bare: Measurements::default(),
+        rings: Measurements::default(),
+        atomics: Measurements::default(),
     };
     let wait = if cores().len() > 1 { Wait::Spin } else { Wait::Yield };
     for _ in 0..rounds {
@@ -59,16 +59,16 @@ pub fn exchange(
 fn bare_round() -> anyhow::Result<f64> {
     let scope = Scope::create()?;
     let table = scope.address().to_string();
-    let seat = |end: &str| -> std::io::Result<End> {
+    let start = |end: &str| -> std::io::Result<EndProcess> {
         let mut command = engine::run::own_program();
         command
             .args(["participant", end])
-            .env(TABLE, &table)
+            .env(ADDRESS_VARIABLE, &table)
             .stdin(Stdio::null())
             .stdout(Stdio::piped());
-        Ok(End(command.spawn()?))
+        Ok(EndProcess(command.spawn()?))
     };
-    let (mut far, mut near) = (seat("bench-pong")?, seat("bench-ping")?);
+    let (mut far, mut near) = (start("bench-pong")?, start("bench-ping")?);
     // The near end waits for the far one without a time limit.
     while near.0.try_wait()?.is_none() {
         if let Some(status) = far.0.try_wait()? {
@@ -77,8 +77,8 @@ fn bare_round() -> anyhow::Result<f64> {
         std::thread::sleep(Duration::from_millis(1));
     }
     let mut text = String::new();
-    if let Some(said) = &mut near.0.stdout {
-        said.read_to_string(&mut text)?;
+    if let Some(output) = &mut near.0.stdout {
+        output.read_to_string(&mut text)?;
     }
     text.trim()
         .parse()
@@ -86,9 +86,9 @@ fn bare_round() -> anyhow::Result<f64> {
 }
 
 /// The process of one end; it is killed when dropped.
-struct End(Child);
+struct EndProcess(Child);
 
-impl Drop for End {
+impl Drop for EndProcess {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
@@ -96,23 +96,23 @@ impl Drop for End {
 }
 
 /// Runs a child of [`exchange`]: one end of the bare ping-pong. `None` when `name` is not one.
-pub fn be_an_end(name: &str) -> Option<anyhow::Result<()>> {
+pub fn run_ping_pong_end(name: &str) -> Option<anyhow::Result<()>> {
     match name {
-        "bench-ping" => Some(play(true)),
-        "bench-pong" => Some(play(false)),
+        "bench-ping" => Some(ping_pong(true)),
+        "bench-pong" => Some(ping_pong(false)),
         _ => None,
     }
 }
 
-fn play(first: bool) -> anyhow::Result<()> {
-    let table: Address = std::env::var(TABLE)?.parse()?;
+fn ping_pong(first: bool) -> anyhow::Result<()> {
+    let table: Address = std::env::var(ADDRESS_VARIABLE)?.parse()?;
     rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))?;
     // Queried before this process is pinned to one core.
     let yielding = cores().len() < 2;
-    tie_to(usize::from(first));
+    pin_thread_to(usize::from(first));
     let domain = Domain::enter(table, if first { "ping" } else { "pong" })?;
     let end = BarePingPong::open(&domain, first)?;
-    let hear = || -> anyhow::Result<Payload> {
+    let receive = || -> anyhow::Result<Payload> {
         loop {
             if let Some(payload) = end.receive()? {
                 return Ok(payload);
@@ -126,17 +126,17 @@ fn play(first: bool) -> anyhow::Result<()> {
     let payload = [1.0; 27];
     if !first {
         loop {
-            let heard = hear()?;
-            end.send(&heard)?;
+            let received = receive()?;
+            end.send(&received)?;
         }
     }
     while !end.send(&payload)? {
         std::thread::sleep(std::time::Duration::from_millis(1));
     }
-    hear()?;
+    receive()?;
     let trip = || -> anyhow::Result<()> {
         end.send(&payload)?;
-        hear().map(|_| ())
+        receive().map(|_| ())
     };
     for _ in 0..ROUND / 10 {
         trip()?;

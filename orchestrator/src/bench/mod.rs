@@ -1,19 +1,19 @@
 //! Cost of lockstep on this machine, as ratios of measurements taken side by side.
 
-mod ahead;
 mod cores;
 mod deaths;
+mod delay_benefit;
 mod exchange;
-mod figures;
+mod measurements;
+mod overhead;
 mod participants;
 mod polled;
 mod scaling;
-mod share;
 
-pub use ahead::{STEPS, ahead};
-pub use deaths::deaths;
-pub use exchange::{be_an_end, exchange};
-pub use figures::Figures;
+pub use deaths::death_detection_latency;
+pub use delay_benefit::{STEPS, delay_benefit};
+pub use exchange::{exchange, run_ping_pong_end};
+pub use measurements::Measurements;
+pub use overhead::overhead;
 pub use participants::{register, ring, unrecorded};
 pub use scaling::scaling;
-pub use share::share;

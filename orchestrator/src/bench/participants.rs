@@ -60,8 +60,8 @@ impl Participant for Worker {
         Ok(())
     }
     fn step(&mut self, _: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        let heard = inputs.get::<Parcel>(0).values[0];
-        outputs.get_mut::<Parcel>(0).values[0] = compute(self.turns, heard);
+        let input = inputs.get::<Parcel>(0).values[0];
+        outputs.get_mut::<Parcel>(0).values[0] = compute(self.turns, input);
         Ok(())
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use super::cores::{cores, tie_to};
+use super::cores::{cores, pin_thread_to};
 
 /// Doubles of a payload.
 const DOUBLES: usize = 27;
@@ -24,7 +24,7 @@ pub(super) fn cells(exchanges: u64) -> f64 {
         cell.count.store(round, Ordering::Release);
     };
     let take = |cell: &Cell, round: u64| {
-        until(|| cell.count.load(Ordering::Acquire) == round);
+        poll_until(|| cell.count.load(Ordering::Acquire) == round);
         sum(&cell.values)
     };
     ping_pong(
@@ -34,8 +34,8 @@ pub(super) fn cells(exchanges: u64) -> f64 {
     )
 }
 
-/// Nanoseconds per exchange over two rings of slots as SimBricks has them between its simulators: a word at the end of each slot says whose
-/// it is, and each side polls for its own slots. Nothing is checked or recorded.
+/// Nanoseconds per exchange over two rings of slots as SimBricks has them between its simulators: a word at the end of each slot names its
+/// owner, and each side polls for its own slots. Nothing is checked or recorded.
 pub(super) fn rings(exchanges: u64) -> f64 {
     const SLOTS: usize = 8;
     /// Four cache lines.
@@ -57,14 +57,14 @@ pub(super) fn rings(exchanges: u64) -> f64 {
     let at = |end: usize, round: u64| &rings[end][round as usize % SLOTS];
     let put = |end: usize, round: u64| {
         let slot = at(end, round);
-        until(|| slot.owner.load(Ordering::Acquire) == 0);
+        poll_until(|| slot.owner.load(Ordering::Acquire) == 0);
         fill(&slot.values, round);
         slot.stamp.store(round, Ordering::Relaxed);
         slot.owner.store(1, Ordering::Release);
     };
     let take = |end: usize, round: u64| {
         let slot = at(end, round);
-        until(|| slot.owner.load(Ordering::Acquire) == 1);
+        poll_until(|| slot.owner.load(Ordering::Acquire) == 1);
         let all = sum(&slot.values) + slot.stamp.load(Ordering::Relaxed);
         slot.owner.store(0, Ordering::Release);
         all
@@ -80,9 +80,9 @@ fn sum(values: &[AtomicU64]) -> u64 {
     values.iter().map(|cell| cell.load(Ordering::Relaxed)).sum()
 }
 
-/// Polls until `there`; on one core, the other thread is let in between.
-fn until(there: impl Fn() -> bool) {
-    while !there() {
+/// Polls until `condition` holds; on one core, the other thread runs in between.
+fn poll_until(condition: impl Fn() -> bool) {
+    while !condition() {
         std::hint::spin_loop();
         if cores_are_shared() {
             rustix::thread::sched_yield();
@@ -101,14 +101,14 @@ fn ping_pong(exchanges: u64, put: impl Fn(usize, u64) + Sync, take: impl Fn(usiz
     cores_are_shared();
     std::thread::scope(|scope| {
         scope.spawn(|| {
-            tie_to(0);
+            pin_thread_to(0);
             for round in 1..=exchanges {
                 std::hint::black_box(take(0, round));
                 put(1, round);
             }
         });
         let timed = scope.spawn(|| {
-            tie_to(1);
+            pin_thread_to(1);
             let started = Instant::now();
             for round in 1..=exchanges {
                 put(0, round);

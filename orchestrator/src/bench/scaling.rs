@@ -1,6 +1,6 @@
 //! Scaling with the number of participants.
 
-use super::Figures;
+use super::Measurements;
 
 /// Nanoseconds per activation in a ring of 2, 4, 8, … participants: constant when the cost of a step is linear in their
 /// number. `run` runs a ring for a number of steps and returns seconds per step.
@@ -8,12 +8,12 @@ pub fn scaling(
     rounds: usize,
     largest: usize,
     mut run: impl FnMut(usize, u64) -> anyhow::Result<f64>,
-) -> anyhow::Result<Vec<(usize, Figures)>> {
+) -> anyhow::Result<Vec<(usize, Measurements)>> {
     let sizes: Vec<usize> = (1..)
         .map(|power| 1 << power)
         .take_while(|&size| size <= largest)
         .collect();
-    let mut all: Vec<(usize, Figures)> = sizes.iter().map(|&size| (size, Figures::default())).collect();
+    let mut all: Vec<(usize, Measurements)> = sizes.iter().map(|&size| (size, Measurements::default())).collect();
     for _ in 0..rounds {
         for (size, figures) in &mut all {
             // About the same number of exchanges for every size.

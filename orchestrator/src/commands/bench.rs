@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::bench::{self, Figures};
+use crate::bench::{self, Measurements};
 use engine::run::{Options, Outcome, Wait, run as run_scenario};
 use engine::scenario::{Scenario, ScenarioSpec};
 use engine::scope::Scope;
@@ -41,18 +41,20 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
     exchange(args, folder)?;
 
     let sizes = bench::scaling(args.rounds.min(5), args.participants, |size, steps| {
-        stepped(folder, bench::ring(size, steps), steps, Wait::Auto)
+        relay_step_s(folder, bench::ring(size, steps), steps, Wait::Auto)
     })?;
     println!("\none activation in a ring of N participants, ns");
     for (size, figures) in &sizes {
         row(&format!("N = {size}"), figures);
     }
 
-    let ahead = bench::ahead(args.rounds, |scenario, in_process| worked(folder, scenario, in_process))?;
+    let ahead = bench::delay_benefit(args.rounds, |scenario, in_process| {
+        worker_step_us(folder, scenario, in_process)
+    })?;
     println!("\ntwo participants with 20 us of work a step that read each other ten steps late, us a step of both");
     row("in one loop", &ahead.looped);
     row("a process each", &ahead.processes);
-    row("  one loop / a process each", &ahead.looped.beside(&ahead.processes));
+    row("  one loop / a process each", &ahead.looped.ratios_to(&ahead.processes));
 
     if args.deaths > 0 {
         println!("\nfrom kill -9 of a participant to the orchestrator's knowing it, ms");
@@ -67,8 +69,8 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
                 args.deaths.div_ceil(10),
             ),
         ] {
-            let figures = bench::deaths(count, &folder.join("run"), || {
-                run_ring(folder, bench::ring(size, FAR), Wait::Auto, pace)
+            let figures = bench::death_detection_latency(count, &folder.join("run"), || {
+                run_ring(folder, bench::ring(size, UNREACHED_STEPS), Wait::Auto, pace)
             })?;
             row(name, &figures);
             println!(
@@ -81,22 +83,22 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
 
     if let Some(path) = &args.scenario {
         let scenario = Scenario::read(catalogue(), path, &[])?;
-        let share = bench::share(&scenario, args.rounds, folder)?;
+        let share = bench::overhead(&scenario, args.rounds, folder)?;
         println!("\n{}, s of wall time", path.display());
         row("in one process, nothing recorded", &share.alone);
         row("in one process, recorded", &share.recorded);
         row("a process each, recorded", &share.processes);
-        row("  recording: parts of that", &share.recorded.beside(&share.alone));
+        row("  recording: parts of that", &share.recorded.ratios_to(&share.alone));
         row(
             "  lockstep and recording: parts of that",
-            &share.processes.beside(&share.alone),
+            &share.processes.ratios_to(&share.alone),
         );
         println!("\n{}, s of processor time of the thread that steps", path.display());
         row("in one process, everything computed", &share.own_computed);
         row("in one process, everything recorded", &share.own_recorded);
         row(
             "  recording: parts of that",
-            &share.own_recorded.beside(&share.own_computed),
+            &share.own_recorded.ratios_to(&share.own_computed),
         );
     }
     Ok(())
@@ -105,7 +107,7 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
 fn exchange(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
     let all = bench::exchange(args.rounds, |steps, wait, recorded| {
         let ring = bench::ring(2, steps);
-        stepped(
+        relay_step_s(
             folder,
             if recorded { ring } else { bench::unrecorded(ring) },
             steps,
@@ -118,16 +120,16 @@ fn exchange(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
     row("lockstep, nothing recorded", &all.unrecorded);
     row("bare rings of slots, polled, two threads", &all.rings);
     row("bare atomics, two threads", &all.atomics);
-    row("  lockstep / bare iceoryx2", &all.lockstep.beside(&all.bare));
+    row("  lockstep / bare iceoryx2", &all.lockstep.ratios_to(&all.bare));
     row(
         "  nothing recorded / bare rings of slots",
-        &all.unrecorded.beside(&all.rings),
+        &all.unrecorded.ratios_to(&all.rings),
     );
-    row("  lockstep / bare atomics", &all.lockstep.beside(&all.atomics));
+    row("  lockstep / bare atomics", &all.lockstep.ratios_to(&all.atomics));
     Ok(())
 }
 
-fn row(name: &str, figures: &Figures) {
+fn row(name: &str, figures: &Measurements) {
     let cell = |percent| {
         let figure = figures.percentile(percent);
         if figure < 10.0 {
@@ -140,7 +142,7 @@ fn row(name: &str, figures: &Figures) {
 }
 
 /// Runs the two workers for [`bench::STEPS`] steps; returns microseconds per step.
-fn worked(folder: &Path, spec: &ScenarioSpec, in_process: bool) -> anyhow::Result<f64> {
+fn worker_step_us(folder: &Path, spec: &ScenarioSpec, in_process: bool) -> anyhow::Result<f64> {
     let scenario = Scenario::of(catalogue(), spec.clone(), &folder.join("ahead.toml"))?;
     let options = Options {
         out: Some(folder.join("run")),
@@ -157,10 +159,10 @@ fn worked(folder: &Path, spec: &ScenarioSpec, in_process: bool) -> anyhow::Resul
 }
 
 /// More steps than a run ever reaches here.
-const FAR: u64 = 1_000_000_000;
+const UNREACHED_STEPS: u64 = 1_000_000_000;
 
 /// Runs a ring of relays for `steps` steps; returns seconds per step.
-fn stepped(folder: &Path, ring: ScenarioSpec, steps: u64, wait: Wait) -> anyhow::Result<f64> {
+fn relay_step_s(folder: &Path, ring: ScenarioSpec, steps: u64, wait: Wait) -> anyhow::Result<f64> {
     let outcome = run_ring(folder, ring, wait, None)?;
     outcome.folder.iter().try_for_each(std::fs::remove_dir_all)?;
     if outcome.ending != engine::run::Ending::Complete {

@@ -46,19 +46,19 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
     let placement = Placement::choose(&known.plan, &Options::default());
     if args.json {
         let (plan, unknown) = (json_of(&known)?, known.unknown());
-        let mut said = json!({
+        let mut result = json!({
             "plan": plan,
             "unknown": unknown,
             "placement": placement.reason,
             "shared_memory": resources::figures(&known.plan),
         });
         for one in findings {
-            said[one.name] = one.value;
+            result[one.name] = one.value;
         }
-        println!("{}", serde_json::to_string_pretty(&said)?);
+        println!("{}", serde_json::to_string_pretty(&result)?);
         return Ok(0);
     }
-    let out = &mut output::page();
+    let out = &mut output::buffered_stdout();
     describe(out, &scenario, &known);
     say!(out, "placement: {}", placement.reason);
     say!(out, "{}", resources::describe(&known.plan));

@@ -7,7 +7,7 @@ use engine::campaign::{self, Campaign, CampaignError, Cluster, Engine, Number, O
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
-use super::points::{CampaignArgs, no_second_shard};
+use super::points::{CampaignArgs, audit_without_second_shard};
 use crate::catalogue::catalogue;
 
 /// On which machines.
@@ -36,18 +36,18 @@ impl ClusterArgs {
     ///
     /// # Errors
     /// An error of the engine or the file system.
-    pub fn act(
+    pub fn submit_or_bundle(
         &self,
         campaign: &Campaign,
         scenario: &Scenario,
         options: &Options,
         figure: Option<&Number>,
-        how: &CampaignArgs,
+        args: &CampaignArgs,
     ) -> Result<Option<i32>, CampaignError> {
         if let Some(folder) = &self.bundle {
             let made = campaign::bundle(folder, catalogue(), campaign, scenario, &self.include)?;
-            warn(&made.left);
-            if !how.quiet {
+            print_warnings(&made.left);
+            if !args.quiet {
                 println!("{} points", made.identity.points);
                 println!("{}", made.root.display());
             }
@@ -65,7 +65,7 @@ impl ClusterArgs {
             return Ok(None);
         };
         if options.audit > 0.0 && self.shards == Some(1) {
-            return Err(no_second_shard("--shards 1"));
+            return Err(audit_without_second_shard("--shards 1"));
         }
         if engine == Engine::Shell && !self.engine_args.is_empty() {
             return unused("--engine-args: the engine shell prints command lines and has no options");
@@ -73,20 +73,20 @@ impl ClusterArgs {
         let cluster = Cluster {
             engine,
             shards: self.shards.map(|count| count as usize),
-            args: self.engine_args.iter().flat_map(|text| words(text)).collect(),
+            args: self.engine_args.iter().flat_map(|text| split_words(text)).collect(),
             include: self.include.clone(),
         };
         match campaign::submit(catalogue(), campaign, scenario, options, &cluster)? {
-            Step::Given(underway) => given(engine, &underway, how).map(|()| Some(0)),
+            Step::Given(underway) => print_submission(engine, &underway, args).map(|()| Some(0)),
             Step::Complete(campaign, finished) => {
-                conclude(&campaign, &finished, &figures(&finished), figure, how).map(Some)
+                conclude(&campaign, &finished, &figures(&finished), figure, args).map(Some)
             }
         }
     }
 }
 
 /// Reports a submission to an engine.
-fn given(engine: Engine, underway: &Underway, how: &CampaignArgs) -> Result<(), CampaignError> {
+fn print_submission(engine: Engine, underway: &Underway, args: &CampaignArgs) -> Result<(), CampaignError> {
     let Underway {
         root,
         lines,
@@ -94,12 +94,12 @@ fn given(engine: Engine, underway: &Underway, how: &CampaignArgs) -> Result<(), 
         alive,
         left,
     } = underway;
-    warn(left);
+    print_warnings(left);
     if engine == Engine::Shell {
         lines.iter().for_each(|line| println!("{line}"));
         return Ok(());
     }
-    if !how.quiet {
+    if !args.quiet {
         println!(
             "{}: {} shards given in jobs {}, {alive} waiting or running",
             engine.version()?,
@@ -111,12 +111,12 @@ fn given(engine: Engine, underway: &Underway, how: &CampaignArgs) -> Result<(), 
     Ok(())
 }
 
-fn warn(left: &[String]) {
+fn print_warnings(left: &[String]) {
     left.iter().for_each(|what| eprintln!("warning: {what}"));
 }
 
 /// Splits `text` into words; quotes group words with blanks.
-fn words(text: &str) -> Vec<String> {
+fn split_words(text: &str) -> Vec<String> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for letter in text.chars() {
         match quote {

@@ -7,7 +7,7 @@ use clap::Args;
 use tape::Reader;
 use tape::compare::{Comparison, compare};
 
-use super::trust::{Trust, told};
+use super::seal::{SealArgs, read_error_text};
 use crate::output;
 
 /// Exit code: the tapes differ.
@@ -27,16 +27,16 @@ pub struct CompareArgs {
     pub json: bool,
     /// Whether damaged tapes are compared
     #[command(flatten)]
-    pub trust: Trust,
+    pub seal: SealArgs,
 }
 
 /// Compares and prints; returns the exit code.
 pub fn run(args: &CompareArgs) -> anyhow::Result<i32> {
-    let tapes = open(&args.a, args.trust).and_then(|a| Ok((a, open(&args.b, args.trust)?)));
+    let tapes = open(&args.a, args.seal).and_then(|a| Ok((a, open(&args.b, args.seal)?)));
     let comparison = match tapes.and_then(|(a, b)| compare(&a, &b)) {
         Ok(comparison) => comparison,
         Err(error) => {
-            eprintln!("error: {}", told(&error));
+            eprintln!("error: {}", read_error_text(&error));
             return Ok(UNREADABLE);
         }
     };
@@ -50,8 +50,8 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<i32> {
     Ok(if comparison.identical { 0 } else { DIFFERENT })
 }
 
-fn open(path: &Path, trust: Trust) -> Result<Reader, tape::ReadError> {
-    let reader = trust.open(path)?;
+fn open(path: &Path, seal: SealArgs) -> Result<Reader, tape::ReadError> {
+    let reader = seal.open(path)?;
     for torn in reader.incomplete_records() {
         eprintln!(
             "note: {}: stream `{}` ends in {} bytes of an incomplete record after {} complete ones; they are left out",

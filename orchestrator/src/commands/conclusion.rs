@@ -14,7 +14,7 @@ pub fn conclude(
     finished: &Finished,
     figures: &[Number],
     figure: Option<&Number>,
-    how: &CampaignArgs,
+    args: &CampaignArgs,
 ) -> Result<i32, CampaignError> {
     let identity = &finished.identity;
     let some = campaign.first(finished.results.len());
@@ -22,8 +22,8 @@ pub fn conclude(
     let campaign = if enough { &some } else { campaign };
     let title = identity.heading();
     if let Some(shard) = identity.shard {
-        print_part(title, shard, campaign, finished, how);
-        return Ok(code(finished));
+        print_shard(title, shard, campaign, finished, args);
+        return Ok(exit_code(finished));
     }
     let shown = figure.cloned().or_else(|| default_figure(figures));
     let limited = |criterion: &Criterion| criterion.limit.is_some_and(|limit| limit > 0.0);
@@ -45,12 +45,12 @@ pub fn conclude(
     let page = campaign::analysis(title, campaign, &finished.results);
     let page = report::campaign::page(title, &page);
     files.push(finished.folder.write("report.html", page)?);
-    if how.json {
+    if args.json {
         println!("{}", json(campaign, finished, &files));
-    } else if !how.quiet {
+    } else if !args.quiet {
         print(&identity.title, campaign, finished, shown.as_ref(), &files);
     }
-    Ok(code(finished))
+    Ok(exit_code(finished))
 }
 
 /// The figures of merit of the points.
@@ -61,7 +61,7 @@ pub fn figures(finished: &Finished) -> Vec<Number> {
 }
 
 /// The same for a rare-event campaign. Pictures and statistics are of its first level, which is a plain random sample.
-pub fn conclude_rare(ended: &Rarely, figure: Option<&Number>, how: &CampaignArgs) -> Result<i32, CampaignError> {
+pub fn conclude_rare(ended: &Rarely, figure: Option<&Number>, args: &CampaignArgs) -> Result<i32, CampaignError> {
     let Rarely { campaign, finished, .. } = ended;
     let identity = &finished.identity;
     let title = identity.heading();
@@ -78,23 +78,23 @@ pub fn conclude_rare(ended: &Rarely, figure: Option<&Number>, how: &CampaignArgs
     files.push(finished.folder.write("rare.json", known)?);
     let page = report::campaign::page(title, &ended.analysis(title));
     files.push(finished.folder.write("report.html", page)?);
-    if how.json {
+    if args.json {
         let mut all = json(campaign, finished, &files);
         all["rare"] = ended.json();
         println!("{all}");
-    } else if !how.quiet {
+    } else if !args.quiet {
         if !identity.title.is_empty() {
             println!("{}", identity.title);
         }
         println!("{}", ended.words());
-        print_wrong(campaign, finished);
-        told(finished, &files);
+        print_failed_points(campaign, finished);
+        print_time_and_files(finished, &files);
     }
-    Ok(code(finished))
+    Ok(exit_code(finished))
 }
 
 /// The exit code: whether all points ran.
-pub fn code(finished: &Finished) -> i32 {
+pub fn exit_code(finished: &Finished) -> i32 {
     if finished.interrupted {
         eprintln!(
             "interrupted: {} of {} points are complete; the same command continues from there",
@@ -172,8 +172,8 @@ pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serd
     })
 }
 
-/// The points whose runs did not reach their ends, with their reasons.
-fn print_wrong(campaign: &Campaign, finished: &Finished) {
+/// Prints the points whose runs did not complete, with the reasons.
+fn print_failed_points(campaign: &Campaign, finished: &Finished) {
     // Only the first few are printed.
     const LISTED: usize = 50;
     let wrong = |result: &Option<_>| {
@@ -213,7 +213,7 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
     }
     println!("{}", campaign::verdicts(&finished.results));
     if campaign.columns.iter().any(|column| column.name == "seed") {
-        println!("  {}", share(&finished.results));
+        println!("  {}", met_share_text(&finished.results));
     }
     if let Some(figure) = figure {
         let values = finished
@@ -240,12 +240,12 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
     if let Some(map) = campaign::map(&campaign.columns, &finished.results) {
         println!("{map}");
     }
-    print_wrong(campaign, finished);
-    told(finished, files);
+    print_failed_points(campaign, finished);
+    print_time_and_files(finished, files);
 }
 
 /// The share of the points that are met, in words; it has no interval where none ran.
-fn share(results: &[Option<PointResult>]) -> String {
+fn met_share_text(results: &[Option<PointResult>]) -> String {
     let count = |wanted: fn(Outcome) -> bool| results.iter().flatten().filter(|one| wanted(one.outcome)).count();
     let (ran, good) = (count(Outcome::ran), count(Outcome::good));
     if ran == 0 {
@@ -261,10 +261,10 @@ fn share(results: &[Option<PointResult>]) -> String {
 }
 
 /// Reports the result of a shard.
-fn print_part(title: &str, shard: Shard, campaign: &Campaign, finished: &Finished, how: &CampaignArgs) {
-    if how.json {
+fn print_shard(title: &str, shard: Shard, campaign: &Campaign, finished: &Finished, args: &CampaignArgs) {
+    if args.json {
         println!("{}", json(campaign, finished, &[]));
-    } else if !how.quiet {
+    } else if !args.quiet {
         println!("{title}, shard {shard}");
         let own = finished
             .results
@@ -273,12 +273,12 @@ fn print_part(title: &str, shard: Shard, campaign: &Campaign, finished: &Finishe
             .filter(|(at, _)| finished.identity.owns(*at));
         let own: Vec<_> = own.map(|(_, result)| result.clone()).collect();
         println!("{}", campaign::verdicts(&own));
-        told(finished, &[finished.folder.root().to_owned()]);
+        print_time_and_files(finished, &[finished.folder.root().to_owned()]);
     }
 }
 
-/// Time and files.
-pub fn told(finished: &Finished, files: &[PathBuf]) {
+/// Prints the wall-clock time and the files.
+pub fn print_time_and_files(finished: &Finished, files: &[PathBuf]) {
     let before = if finished.resumed > 0 {
         format!(" ({} were there)", finished.resumed)
     } else {

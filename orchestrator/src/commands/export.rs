@@ -11,9 +11,9 @@ use report::page::{PlanFile, ReportError, read_json, scene_of};
 use tape::folder::RunFolder;
 use tape::{Excerpt, ExcerptSpec, ReadError, Reader, Source};
 
-use super::outputs::note;
-use super::trust::{Trust, name_torn, told};
-use crate::arguments::{instant, model};
+use super::outputs::register_outputs;
+use super::seal::{SealArgs, read_error_text, warn_incomplete_records};
+use crate::arguments::{parse_instant, parse_model};
 use crate::catalogue::catalogue;
 use crate::destination;
 use crate::line::Busy;
@@ -42,7 +42,7 @@ pub enum Format {
 
 /// How an MCAP file is compressed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum Pressed {
+pub enum CompressionArg {
     /// LZ4, chunk by chunk
     #[default]
     Lz4,
@@ -65,20 +65,20 @@ pub struct ExportArgs {
     #[arg(long, value_name = "NAME")]
     pub of: Vec<String>,
     /// Leave out samples before this simulated time
-    #[arg(long, value_name = "TIME", value_parser = instant)]
+    #[arg(long, value_name = "TIME", value_parser = parse_instant)]
     pub from: Option<Rational>,
     /// Leave out samples after this simulated time
-    #[arg(long, value_name = "TIME", value_parser = instant)]
+    #[arg(long, value_name = "TIME", value_parser = parse_instant)]
     pub until: Option<Rational>,
     /// The compression of an MCAP file
     #[arg(long, value_enum, default_value_t)]
-    pub compression: Pressed,
+    pub compression: CompressionArg,
     /// A URDF for a body of the scene, instead of that of the scenario (may be given more than once)
-    #[arg(long, value_name = "BODY=URDF", value_parser = model)]
+    #[arg(long, value_name = "BODY=URDF", value_parser = parse_model)]
     pub model: Vec<(String, PathBuf)>,
     /// Whether a damaged tape is exported
     #[command(flatten)]
-    pub trust: Trust,
+    pub seal: SealArgs,
 }
 
 impl ExportArgs {
@@ -94,8 +94,8 @@ impl ExportArgs {
     fn compression(&self) -> Compression {
         match (self.to, self.compression) {
             // An intermediate file for another format.
-            (Format::Rrd, _) | (_, Pressed::None) => Compression::None,
-            (_, Pressed::Lz4) => Compression::Lz4,
+            (Format::Rrd, _) | (_, CompressionArg::None) => Compression::None,
+            (_, CompressionArg::Lz4) => Compression::Lz4,
         }
     }
 }
@@ -113,19 +113,21 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
         );
         return Ok(UNREADABLE);
     }
-    let reader = match args.trust.open(&args.run) {
+    let reader = match args.seal.open(&args.run) {
         Ok(reader) => reader,
-        Err(error) => return Ok(refused(&error)),
+        Err(error) => return Ok(report_read_error(&error)),
     };
-    name_torn(&reader);
+    warn_incomplete_records(&reader);
     let out = chosen.map_or_else(|| destination::folder_of(&args.run).join("export"), Path::to_owned);
     let busy = Busy::reading("exporting", &args.run);
     let chosen = match Excerpt::new(&reader, &args.choice()) {
         Ok(chosen) => chosen,
-        Err(error) => return Ok(refused(&error)),
+        Err(error) => return Ok(report_read_error(&error)),
     };
     // A file of comma-separated values has no place for it.
-    let known = (args.to != Format::Csv).then(|| about(&args.run, &reader)).transpose();
+    let known = (args.to != Format::Csv)
+        .then(|| run_metadata(&args.run, &reader))
+        .transpose();
     let (plan, about) = known.map_err(Refusal::of)?.unwrap_or_default();
     let result = match args.to {
         Format::Csv => export::csv(&chosen, &out),
@@ -147,7 +149,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     match result {
         Ok(mut files) => {
             if let (Some(Some(rerun)), [mcap]) = (rerun, &files[..]) {
-                match recording(&rerun, mcap) {
+                match convert_to_rerun(&rerun, mcap) {
                     Ok(path) => files.push(path),
                     Err(reason) => {
                         eprintln!("error: {reason}");
@@ -155,7 +157,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
                     }
                 }
             }
-            note(&files);
+            register_outputs(&files);
             for file in &files {
                 println!("{}", file.display());
             }
@@ -170,22 +172,22 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
 }
 
 /// Reports why the tape, or the requested part of it, cannot be read; returns the exit code.
-fn refused(error: &ReadError) -> i32 {
+fn report_read_error(error: &ReadError) -> i32 {
     let option = match error {
         ReadError::Window { .. } => "--until: ",
         ReadError::Outside { requested, .. } if requested[0].is_none() => "--until: ",
         ReadError::Outside { .. } => "--from: ",
         _ => "",
     };
-    eprintln!("error: {option}{}", told(error));
+    eprintln!("error: {option}{}", read_error_text(error));
     UNREADABLE
 }
 
 /// Names and values about a run, for the metadata of its exports.
-type About = Vec<(&'static str, String)>;
+type Metadata = Vec<(&'static str, String)>;
 
 /// The plan of the run, and the available information in its folder: the plan's text, the program, and the digest of its tape.
-fn about(run: &Path, tape: &Reader) -> Result<(toml::Table, About), ReportError> {
+fn run_metadata(run: &Path, tape: &Reader) -> Result<(toml::Table, Metadata), ReportError> {
     let folder = RunFolder::open(&destination::folder_of(run));
     let PlanFile { text: plan, table } = PlanFile::read(&folder)?;
     let run = read_json(&folder.run())?;
@@ -207,17 +209,17 @@ fn about(run: &Path, tape: &Reader) -> Result<(toml::Table, About), ReportError>
 }
 
 /// Converts with the installed Rerun, because its format depends on the version that opens it.
-fn recording(rerun: &Path, mcap: &Path) -> Result<PathBuf, String> {
+fn convert_to_rerun(rerun: &Path, mcap: &Path) -> Result<PathBuf, String> {
     let path = mcap.with_extension("rrd");
     let mut command = Command::new(rerun);
     command.args(["mcap", "convert"]).arg(mcap).arg("-o").arg(&path);
-    let said = command.stdin(Stdio::null()).output();
-    let said = said.map_err(|error| format!("{} does not start: {error}", rerun.display()))?;
-    if said.status.success() {
+    let converted = command.stdin(Stdio::null()).output();
+    let converted = converted.map_err(|error| format!("{} does not start: {error}", rerun.display()))?;
+    if converted.status.success() {
         return Ok(path);
     }
     let _ = std::fs::remove_file(&path);
-    let words = String::from_utf8_lossy(&said.stderr);
+    let words = String::from_utf8_lossy(&converted.stderr);
     Err(format!(
         "{} does not make a recording of {}: {}",
         rerun.display(),

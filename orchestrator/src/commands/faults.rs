@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use clap::Args;
 use lockstep::time::Rational;
 
-use super::conclusion::{code, json, told, write};
+use super::conclusion::{exit_code, json, print_time_and_files, write};
 use super::points::{CampaignArgs, DigestArgs, known_figures};
-use crate::arguments::{ScenarioArgs, instant};
+use crate::arguments::{ScenarioArgs, parse_instant};
 use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
 use engine::run::RunFailure;
 use engine::scenario::Scenario;
@@ -23,7 +23,7 @@ pub struct FaultsArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "informed"])]
     pub cases: Option<PathBuf>,
     /// Let every failure begin at this simulated time too, such as 12s, in addition to the start (may be given more than once)
-    #[arg(long, value_name = "TIME", value_parser = instant)]
+    #[arg(long, value_name = "TIME", value_parser = parse_instant)]
     pub at: Vec<Rational>,
     /// Run wheel and joint failures a second time with a control law that is informed of them: thruster couples support the wheels, and a
     /// failed joint has the weight zero
@@ -75,7 +75,7 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         points: cases.points,
         refused: Vec::new(),
         source: None,
-        digests: args.digest.wanted(&args.campaign),
+        digests: args.digest.includes_digests(&args.campaign),
     };
     known_figures(&campaign, 1).map_err(|error| match (&args.cases, error) {
         (Some(list), CampaignError::Scenario(error)) => campaign::in_first_case(list, error).into(),
@@ -102,9 +102,9 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         }
         println!("{}", campaign::verdicts(&finished.results));
         print!("{}", table(&campaign, &finished, false));
-        told(&finished, &files);
+        print_time_and_files(&finished, &files);
     }
-    Ok(code(&finished))
+    Ok(exit_code(&finished))
 }
 
 /// A line per case: its description, its outcome, and the criteria that decided it.

@@ -41,8 +41,8 @@ pub struct FmuExportArgs {
     pub library: Option<PathBuf>,
 }
 
-type Say = unsafe extern "C" fn(*mut c_void, c_int, *const c_char);
-type Export = unsafe extern "C" fn(*const c_char, *mut c_void, Say) -> c_int;
+type OutputCallback = unsafe extern "C" fn(*mut c_void, c_int, *const c_char);
+type Export = unsafe extern "C" fn(*const c_char, *mut c_void, OutputCallback) -> c_int;
 
 /// Exports.
 pub fn run(args: &FmuExportArgs) -> anyhow::Result<i32> {
@@ -50,7 +50,7 @@ pub fn run(args: &FmuExportArgs) -> anyhow::Result<i32> {
     out.map_or(Ok(()), |out| destination::check("--out", out))?;
     let library = match &args.library {
         Some(file) => std::path::absolute(file)?,
-        None => beside()?,
+        None => library_beside_program()?,
     };
     let path = |path: &Path| {
         path.to_str()
@@ -80,7 +80,7 @@ fn texts(all: &[String]) -> Value {
 }
 
 /// The path of this program's library: next to it, or in `lib` next to its `bin`.
-fn beside() -> anyhow::Result<PathBuf> {
+fn library_beside_program() -> anyhow::Result<PathBuf> {
     let own = std::env::current_exe().context("this program's own file")?;
     let (folder, stem) = (
         own.parent().unwrap_or(Path::new("/")),

@@ -66,7 +66,7 @@ fn draw(known: &Known, format: GraphFormat) -> String {
 }
 
 /// The text below a participant's name: its order only where that of all is known.
-fn about(known: &Known, all_known: bool, number: usize) -> String {
+fn timing_text(known: &Known, all_known: bool, number: usize) -> String {
     let own = &known.plan.participants[number];
     let order = match (all_known, &known.interfaces[number]) {
         (true, _) => format!(", order {}", own.rank + 1),
@@ -163,7 +163,7 @@ fn mermaid(known: &Known) -> String {
         text += &format!(
             "    p{number}{open}\"{}<br/>{}\"{close}\n",
             own.name,
-            about(known, all_known, number)
+            timing_text(known, all_known, number)
         );
     }
     for link in &plan.links {
@@ -192,7 +192,7 @@ fn dot(known: &Known) -> String {
         text += &format!(
             "    p{number} [shape={shape}, label=\"{}\\n{}\"];\n",
             own.name,
-            about(known, all_known, number)
+            timing_text(known, all_known, number)
         );
     }
     for link in &plan.links {

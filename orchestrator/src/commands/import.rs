@@ -6,7 +6,7 @@ use clap::Args;
 use lockstep::time::Rational;
 
 use super::project::{File, check_empty, write};
-use crate::arguments::span;
+use crate::arguments::parse_duration;
 
 /// Exit code: the package or the folder is invalid.
 const REFUSED: i32 = 2;
@@ -20,7 +20,7 @@ pub struct ImportArgs {
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
     /// The period of all FMUs, such as 10ms; by default the step size of each FMU's default experiment
-    #[arg(long, value_name = "TIME", value_parser = span)]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub period: Option<Rational>,
     /// Accept algebraic loops: the connections of each FMU in a loop are delayed by one period
     #[arg(long)]

@@ -9,9 +9,9 @@ use synthesis::robot::{Gains, GainsFile, Robot, Spec, export, report, validate};
 use synthesis::tuner::{Evaluation, Problem, controllers};
 
 use super::gains::{
-    Reporter, channel_entries, contradictions, load, optima, plots, print_flown, print_margins, print_sampled,
-    print_validation, recall, sampled_entries, sliding_gain, stated_margins, take_sliding_gain, threads,
-    validation_entry, write,
+    Reporter, channel_entries, contradictions, load, margin_entries, optima, plots, print_closed_loop, print_margins,
+    print_sampled, print_validation, restore_recorded_angles, sampled_entries, sliding_gain, take_sliding_gain,
+    threads, validation_entry, write,
 };
 use crate::catalogue::catalogue;
 use capture::closed_loop::simulate_gains;
@@ -129,7 +129,7 @@ fn read(args: &MarginsArgs) -> anyhow::Result<Loaded> {
         .unwrap_or_else(|| PathBuf::from(&file.provenance.specification));
     let text = std::fs::read_to_string(&path).map_err(|e| anyhow::anyhow!("specification {}: {e}", path.display()))?;
     let (mut spec, robot, urdf) = load(&path, &text, args.allow_unphysical)?;
-    recall(&path, &mut spec, &file.models)?;
+    restore_recorded_angles(&path, &mut spec, &file.models)?;
     file.models.clone_from(&spec.models);
     let provenance = &mut file.provenance;
     for (what, now, then) in [
@@ -193,14 +193,14 @@ fn recompute(args: &MarginsArgs, loaded: &mut Loaded) -> anyhow::Result<(Problem
         Vec::new()
     } else {
         simulate_gains(catalogue(), path, spec, robot, gains, &|done, all| {
-            reporter.next("flight", done, all)
+            reporter.progress_or_stop("flight", done, all)
         })?
     };
     let count = args.models.unwrap_or(usize::MAX);
-    file.margins = stated_margins(spec, robot, gains, count, &|done, all| {
-        reporter.next("margins of model", done, all)
+    file.margins = margin_entries(spec, robot, gains, count, &|done, all| {
+        reporter.progress_or_stop("margins of model", done, all)
     })?;
-    reporter.over();
+    reporter.finish();
     Ok((problem, evaluation))
 }
 
@@ -221,7 +221,7 @@ fn print(args: &MarginsArgs, spec: &Spec, file: &GainsFile, claimed: f64) -> any
         let gamma = file.provenance.gamma_reported;
         writeln!(out, "{}: gamma {gamma:.5} (the file says {claimed:.5})", spec.title)?;
         print_sampled(&mut out, &file.sampled)?;
-        print_flown(&mut out, &file.flown)?;
+        print_closed_loop(&mut out, &file.flown)?;
         print_margins(&mut out, &file.margins)?;
         print_validation(&mut out, spec, file.validation.as_ref())?;
     }

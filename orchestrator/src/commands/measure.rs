@@ -11,7 +11,7 @@ use tape::folder::RunFolder;
 use tape::{Reader, Source, StreamSpec};
 use toml::{Table, Value};
 
-use super::trust::{Trust, name_torn, told};
+use super::seal::{SealArgs, read_error_text, warn_incomplete_records};
 use crate::output;
 
 /// Exit code: a criterion is not met.
@@ -78,17 +78,17 @@ pub struct MeasureArgs {
     pub json: bool,
     /// Whether a damaged tape is measured
     #[command(flatten)]
-    pub trust: Trust,
+    pub seal: SealArgs,
 }
 
 /// Measures and prints; returns the exit code.
 pub fn run(args: &MeasureArgs) -> anyhow::Result<i32> {
     let measured = args
-        .trust
+        .seal
         .open(&args.run)
-        .map_err(|error| told(&error))
+        .map_err(|error| read_error_text(&error))
         .and_then(|tape| {
-            name_torn(&tape);
+            warn_incomplete_records(&tape);
             if tape.streams().is_empty() {
                 return Err(format!(
                     "{}: the tape has no stream, so nothing can be measured; record a run whose [record] keeps what is to be measured",
@@ -165,21 +165,21 @@ impl MeasureArgs {
         ] {
             table.extend(text.iter().map(|text| (key.to_owned(), engine::scenario::value(text))));
         }
-        let told = |(key, reason): (String, String)| match key.as_str() {
+        let with_option = |(key, reason): (String, String)| match key.as_str() {
             "" => reason,
             key => format!("--{key}: {reason}"),
         };
         let name = self.compute.clone().unwrap_or_default();
-        let measure = DeclaredMeasure::of_table(&name, table).map_err(told)?;
-        let resolved = measure.resolve(tape.streams()).map_err(told);
-        resolved.map_err(|reason| match self.absent(of, tape) {
+        let measure = DeclaredMeasure::of_table(&name, table).map_err(with_option)?;
+        let resolved = measure.resolve(tape.streams()).map_err(with_option);
+        resolved.map_err(|reason| match self.missing_stream(of, tape) {
             Some(path) => format!("{reason} (`{path}` is not on the tape if [record] leaves its stream out)"),
             None => reason,
         })
     }
 
     /// The path of the command line whose stream the tape does not have.
-    fn absent<'a>(&'a self, of: &'a str, tape: &Reader) -> Option<&'a str> {
+    fn missing_stream<'a>(&'a self, of: &'a str, tape: &Reader) -> Option<&'a str> {
         let there = |path: &str| {
             let mut names = tape.streams().iter().map(StreamSpec::name);
             names.any(|name| path.strip_prefix(&name).is_some_and(|rest| rest.starts_with('.')))

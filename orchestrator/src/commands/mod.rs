@@ -30,8 +30,8 @@ pub mod replay;
 pub mod report;
 pub mod resume;
 pub mod run;
+mod seal;
 pub mod shards;
 pub mod sweep;
-mod trust;
 #[cfg(feature = "capture")]
 pub mod tune;

@@ -34,13 +34,13 @@ pub struct ModelArgs {
 /// Prints the tree of a URDF file or, with states, evaluates it at those states and prints JSON.
 pub fn run(args: &ModelArgs) -> Result<()> {
     // All possible errors are mistakes in the files.
-    let found = told(args).map_err(Refusal::of)?;
+    let found = output_text(args).map_err(Refusal::of)?;
     print!("{found}");
     Ok(())
 }
 
 /// The output to be printed.
-fn told(args: &ModelArgs) -> Result<String> {
+fn output_text(args: &ModelArgs) -> Result<String> {
     let description = read(&args.model, args.allow_unphysical)?;
     let Some(path) = args.states.as_deref() else {
         return listing(&description);
@@ -276,7 +276,7 @@ mod tests {
     const URDF: &str = include_str!("../../../models/servicer.urdf");
 
     #[test]
-    fn lists_the_tree_with_what_was_merged() {
+    fn model_listing_shows_tree_and_merged_links() {
         let text = listing(&Description::from_urdf(URDF).unwrap()).unwrap();
         assert!(
             text.starts_with("servicer: 9 moving joints, 15 degrees of freedom"),
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_which_joint_follows_which() {
+    fn model_listing_shows_mimic_joints() {
         let gripper = r#"<robot name="gripper"><link name="palm"><inertial><mass value="2"/>
             <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
             <link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_gives_every_quantity() {
+    fn model_evaluation_gives_every_quantity() {
         let d = Description::from_urdf(URDF).unwrap();
         let state = json!({"p": [0, 0, 0], "quat_wxyz": [1, 0, 0, 0], "qj": vec![0; 9], "v": vec![0; 15]});
         let out = evaluate(&d, &state).unwrap();

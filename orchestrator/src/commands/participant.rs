@@ -33,7 +33,7 @@ pub fn run(args: &ParticipantArgs) -> ExitCode {
         return crate::commands::fmu::host(file, &args.options);
     }
     let name = args.name.as_deref().unwrap_or_default();
-    if let Some(result) = crate::bench::be_an_end(name) {
+    if let Some(result) = crate::bench::run_ping_pong_end(name) {
         return match result {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {

@@ -19,11 +19,10 @@ pub struct DigestArgs {
 }
 
 impl DigestArgs {
-    /// Whether the table has digests: because the user asks for them, or because the existing folder, which is continued,
-    /// has them.
-    pub fn wanted(&self, campaign: &CampaignArgs) -> bool {
-        let there = || Identity::read(campaign.out.as_ref()?).ok();
-        self.digest || there().is_some_and(|known| known.digests)
+    /// Whether the table has digests: on request, or because the existing folder, which is continued, has them.
+    pub fn includes_digests(&self, campaign: &CampaignArgs) -> bool {
+        let existing = || Identity::read(campaign.out.as_ref()?).ok();
+        self.digest || existing().is_some_and(|known| known.digests)
     }
 }
 
@@ -69,17 +68,17 @@ impl CampaignArgs {
 
 /// Which part of the points.
 #[derive(Debug, Args)]
-pub struct PartArgs {
+pub struct ShardArgs {
     /// Run only every N-th point, from point K on, into a folder of its own; `sweep merge` merges all N folders into one campaign
     #[arg(long, value_name = "K/N")]
     pub shard: Option<Shard>,
     /// Run this proportion of the points, such as 1%, a second time in the next shard: `sweep merge` then names machines whose results differ
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub audit: Option<f64>,
 }
 
 /// Parser of a share of the points.
-fn share(text: &str) -> Result<f64, String> {
+fn parse_share(text: &str) -> Result<f64, String> {
     let wrong = || format!("`{text}` is no share: write one above 0 % and up to 100 %, such as 1%");
     let percent: f64 = text
         .trim()
@@ -91,7 +90,7 @@ fn share(text: &str) -> Result<f64, String> {
         .ok_or_else(wrong)
 }
 
-impl PartArgs {
+impl ShardArgs {
     /// `options` for the shard.
     ///
     /// # Errors
@@ -103,7 +102,7 @@ impl PartArgs {
             ));
         }
         if self.audit.is_some() && self.shard.is_some_and(|shard| shard.of == 1) {
-            return Err(no_second_shard("--shard 1/1"));
+            return Err(audit_without_second_shard("--shard 1/1"));
         }
         Ok(Options {
             shard: self.shard,
@@ -113,15 +112,15 @@ impl PartArgs {
     }
 }
 
-/// An audit where all points are in the one place that `option` names.
-pub fn no_second_shard(option: &str) -> CampaignError {
+/// The error of an audit without a second shard, as `option` requires.
+pub fn audit_without_second_shard(option: &str) -> CampaignError {
     CampaignError::Merge(format!(
         "--audit: with {option} no other shard runs a point a second time: make two shards or more, or leave --audit out"
     ))
 }
 
 /// Number of points that are tried before all are assumed to be invalid, where values are drawn.
-pub const TRIES: usize = 20;
+pub const TRIES_MAX: usize = 20;
 
 /// Checks the first point without starting programs, and returns its figures of merit. If it is rejected, up to `tries`
 /// points are tried until one is accepted.

@@ -8,8 +8,8 @@ use lockstep::time::Rational;
 use serde_json::json;
 
 use super::compare::{DIFFERENT, print};
-use super::trust::{Trust, told};
-use crate::arguments::{CommonArgs, instant, span};
+use super::seal::{SealArgs, read_error_text};
+use crate::arguments::{CommonArgs, parse_duration, parse_instant};
 use crate::catalogue::catalogue;
 use crate::output;
 use crate::{signals, terminal};
@@ -38,17 +38,17 @@ pub struct ReplayArgs {
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
     /// Replay only the activations before this simulated time
-    #[arg(long, value_name = "TIME", value_parser = span)]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub to: Option<Rational>,
     /// Pause before the first step, or at this simulated time, print the process number, and wait for Enter
-    #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true, value_parser = instant)]
+    #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true, value_parser = parse_instant)]
     pub wait_for_debugger: Option<Rational>,
     /// What every run takes
     #[command(flatten)]
     pub common: CommonArgs,
     /// Whether a damaged tape is replayed
     #[command(flatten)]
-    pub trust: Trust,
+    pub seal: SealArgs,
     /// Arguments of the program named with --exe
     #[arg(last = true, requires = "exe")]
     pub args: Vec<String>,
@@ -60,7 +60,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<i32> {
         Ok(found) => report(args, &found),
         Err(error) => {
             match &error {
-                ReplayError::Tape(of_tape) => eprintln!("error: {}", told(of_tape)),
+                ReplayError::Tape(of_tape) => eprintln!("error: {}", read_error_text(of_tape)),
                 other => eprintln!("error: {other}"),
             }
             Ok(error.exit_code())
@@ -69,7 +69,9 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<i32> {
 }
 
 fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
-    args.common.spares(&args.run).map_err(ReplayError::Misfit)?;
+    args.common
+        .check_does_not_replace(&args.run)
+        .map_err(ReplayError::Misfit)?;
     let exe = args.exe.as_ref().map(std::path::absolute).transpose();
     let exe = exe.map_err(|error| ReplayError::Misfit(format!("--exe: {error}")))?;
     let replay = Replay::plan(&Request {
@@ -80,7 +82,7 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         program: exe.as_deref().map(|exe| (exe, args.args.as_slice())),
         run: None,
         to: args.to,
-        unverified: args.trust.unverified,
+        unverified: args.seal.unverified,
     })?;
     if let Some(at) = args.wait_for_debugger.filter(|at| *at >= replay.end()) {
         return Err(ReplayError::Misfit(format!(
@@ -90,7 +92,7 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
     }
     let in_process = !args.process && !replay.external();
     if in_process && args.common.json {
-        output::keep_apart();
+        output::separate_stdout();
     }
     if in_process {
         args.common
@@ -120,7 +122,7 @@ fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
     for note in &found.notes {
         eprintln!("note: {note}");
     }
-    super::run::tell(&found.ending);
+    super::run::print_ending(&found.ending);
     let failed = found.ending != Ending::Complete;
     let mut out = output::stdout();
     if args.common.json {

@@ -7,9 +7,9 @@ use anyhow::Context;
 use clap::Args;
 use report::page::{Report, Request};
 
-use super::outputs::note;
-use super::trust::{Trust, told};
-use crate::arguments::model;
+use super::outputs::register_outputs;
+use super::seal::{SealArgs, read_error_text};
+use crate::arguments::parse_model;
 use crate::catalogue::catalogue;
 use crate::destination;
 use crate::line::Busy;
@@ -33,11 +33,11 @@ pub struct ReportArgs {
     #[arg(long, value_name = "DIR")]
     pub figures: Option<PathBuf>,
     /// A URDF for a body of the playback, instead of that of the scene (may be given more than once)
-    #[arg(long, value_name = "BODY=URDF", value_parser = model)]
+    #[arg(long, value_name = "BODY=URDF", value_parser = parse_model)]
     pub model: Vec<(String, PathBuf)>,
     /// Whether damaged tapes are reported
     #[command(flatten)]
-    pub trust: Trust,
+    pub seal: SealArgs,
 }
 
 /// Reads the runs, writes the page and prints its path; returns the exit code.
@@ -47,8 +47,8 @@ pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
         path.iter().try_for_each(|path| destination::check(option, path))?;
     }
     for run in &args.runs {
-        if let Err(error) = args.trust.open(run) {
-            eprintln!("error: {}", told(&error));
+        if let Err(error) = args.seal.open(run) {
+            eprintln!("error: {}", read_error_text(&error));
             return Ok(UNREADABLE);
         }
     }
@@ -86,7 +86,7 @@ pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
         files.extend(drawn);
     }
     drop(busy);
-    note(&files);
+    register_outputs(&files);
     println!(
         "{} ({:.1} MB, {:.2} s)",
         page.display(),

@@ -9,7 +9,7 @@ use tape::Reader;
 use tape::folder::RunFolder;
 
 use super::run::{execute, options};
-use crate::arguments::{HowArgs, instant, span};
+use crate::arguments::{ExecutionArgs, parse_duration, parse_instant};
 use engine::run::checkpoint::Checkpoint;
 use engine::run::{Origin, RunFailure, branch, check, check_branch};
 use engine::scenario::{Changes, Scenario, Time};
@@ -21,22 +21,22 @@ pub struct ResumeArgs {
     pub run: PathBuf,
     /// Continue from the newest checkpoint at or before this simulated time, and apply the changes at this time; by default from the newest
     /// checkpoint
-    #[arg(long, value_name = "TIME", value_parser = instant)]
+    #[arg(long, value_name = "TIME", value_parser = parse_instant)]
     pub from: Option<Rational>,
     /// Change a key of the scenario from then on (may be given more than once)
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
     /// The simulated duration from the start of the first run, instead of the one that it had
-    #[arg(long, value_parser = span)]
+    #[arg(long, value_parser = parse_duration)]
     pub duration: Option<Rational>,
     /// How to run it
     #[command(flatten)]
-    pub how: HowArgs,
+    pub execution: ExecutionArgs,
 }
 
 /// Continues a run in a new folder; the original one is not changed.
 pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
-    args.how.check_trace()?;
+    args.execution.check_trace()?;
     let folder = RunFolder::open(&args.run);
     let refused = match tape::is_file(&folder.plan()) {
         Ok(true) => None,
@@ -60,7 +60,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     for error in left_out {
         eprintln!("warning: {error}; the file is left out");
     }
-    if let Err(reason) = args.how.common.spares(&args.run) {
+    if let Err(reason) = args.execution.common.check_does_not_replace(&args.run) {
         eprintln!("error: {reason}");
         return Ok(2);
     }
@@ -90,7 +90,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     }
     // Without changes the result is the same from any checkpoint.
     let at = args.from.filter(|at| !args.set.is_empty() && *at > checkpoint.time);
-    if !args.how.common.quiet {
+    if !args.execution.common.quiet {
         let and = at
             .map(|at| format!(", with changes from t = {at} on"))
             .unwrap_or_default();
@@ -99,13 +99,13 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     let run = args.run.clone();
     let origin = Origin { run, checkpoint };
     let Some(at) = at else {
-        return execute(&scenario, &args.how, Some(origin), &[]);
+        return execute(&scenario, &args.execution, Some(origin), &[]);
     };
     // Errors at the time of the changes are reported before the run.
     let checked = check(&scenario).map_err(RunFailure::from);
     let checked = checked.and_then(|_| check_branch(&scenario, &unchanged, at));
-    match checked.and_then(|()| branch(&unchanged, &options(&args.how), origin, at)) {
-        Ok(branch) => execute(&scenario, &args.how, Some(branch.origin.clone()), &[]),
+    match checked.and_then(|()| branch(&unchanged, &options(&args.execution), origin, at)) {
+        Ok(branch) => execute(&scenario, &args.execution, Some(branch.origin.clone()), &[]),
         Err(failure) => {
             eprintln!("error: {failure}");
             Ok(failure.exit_code())

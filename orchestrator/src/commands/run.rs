@@ -10,7 +10,7 @@ use clap::Args;
 use serde_json::json;
 use tape::folder::RunFolder;
 
-use crate::arguments::{HowArgs, ScenarioArgs};
+use crate::arguments::{ExecutionArgs, ScenarioArgs};
 use crate::{signals, terminal};
 use engine::Progress;
 use engine::campaign::Recalled;
@@ -39,14 +39,14 @@ pub struct RunArgs {
     pub shadow_set: Vec<String>,
     /// How to run it
     #[command(flatten)]
-    pub how: HowArgs,
+    pub execution: ExecutionArgs,
 }
 
 /// Runs and reports.
 pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
-    args.how.check_trace()?;
+    args.execution.check_trace()?;
     if let Some(place) = &args.point {
-        return again(place, args);
+        return rerun_point(place, args);
     }
     let scenario = match Scenario::changed(catalogue(), &args.scenario.scenario, &args.scenario.changes()) {
         Ok(scenario) => scenario,
@@ -55,8 +55,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
             return Ok(2);
         }
     };
-    match shadows(args, &scenario) {
-        Ok(shadows) => executed(&scenario, &args.how, None, &shadows, true).map(|(code, _)| code),
+    match read_shadows(args, &scenario) {
+        Ok(shadows) => run_and_report(&scenario, &args.execution, None, &shadows, true).map(|(code, _)| code),
         Err((reason, code)) => {
             eprintln!("error: {reason}");
             Ok(code)
@@ -64,8 +64,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
     }
 }
 
-/// Runs a point of a campaign alone, and compares its tape with that of the campaign.
-fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
+/// Runs one point of a campaign, and compares its tape with that of the campaign.
+fn rerun_point(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
     let refused = |error: &dyn std::fmt::Display| {
         eprintln!("error: {error}");
         Ok(2)
@@ -80,7 +80,7 @@ fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
         Ok(scenario) => scenario,
         Err(error) => return refused(&error),
     };
-    let (code, outcome) = executed(&scenario, &args.how, None, &[], false)?;
+    let (code, outcome) = run_and_report(&scenario, &args.execution, None, &[], false)?;
     let common = || Scenario::changed(catalogue(), &point.file, point.common()).ok();
     // With changes on the command line it is another run.
     let compared = outcome.filter(|_| more == Changes::default()).zip(common());
@@ -92,20 +92,27 @@ fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
 }
 
 /// Runs `scenario`, from `origin` if there is one, with `shadows`, and reports.
-pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shadows: &[Shadow]) -> anyhow::Result<i32> {
-    executed(scenario, how, origin, shadows, false).map(|(code, _)| code)
+pub fn execute(
+    scenario: &Scenario,
+    execution: &ExecutionArgs,
+    origin: Option<Origin>,
+    shadows: &[Shadow],
+) -> anyhow::Result<i32> {
+    run_and_report(scenario, execution, origin, shadows, false).map(|(code, _)| code)
 }
 
 /// Runs `scenario`. With `warned`, the catalogue's warnings are reported while the programs start, because finding them
 /// takes as long as the start.
-fn begun(scenario: &Scenario, options: &Options, warned: bool) -> Result<Outcome, RunFailure> {
+fn run_with_warnings(scenario: &Scenario, options: &Options, warned: bool) -> Result<Outcome, RunFailure> {
     let warn = |progress: Progress| {
         let warnings = catalogue().warnings(scenario);
         warnings
             .iter()
             .for_each(|warning| progress.say(&format!("warning: {warning}")));
     };
-    let _watch = options.in_process.then(|| signals::Watch::over(&options.progress));
+    let _watch = options
+        .in_process
+        .then(|| signals::StallWatch::start(&options.progress));
     std::thread::scope(|scope| {
         if warned {
             let progress = options.progress.clone();
@@ -116,14 +123,14 @@ fn begun(scenario: &Scenario, options: &Options, warned: bool) -> Result<Outcome
 }
 
 /// The same, with the outcome, and with the warnings about the scenario if `warned`.
-fn executed(
+fn run_and_report(
     scenario: &Scenario,
-    how: &HowArgs,
+    execution: &ExecutionArgs,
     origin: Option<Origin>,
     shadows: &[Shadow],
     warned: bool,
 ) -> anyhow::Result<(i32, Option<Outcome>)> {
-    let server = match live(how) {
+    let server = match start_live_server(execution) {
         Ok(server) => server,
         Err(reason) => {
             eprintln!("error: {reason}");
@@ -135,20 +142,21 @@ fn executed(
     let options = Options {
         origin,
         steering: server.as_ref().map(|(_, steering)| steering.clone()),
-        progress: terminal::progress_with(how.common.quiet, address),
-        ..options(how)
+        progress: terminal::progress_with(execution.common.quiet, address),
+        ..options(execution)
     };
-    if how.in_process && how.common.json {
-        crate::output::keep_apart();
+    if execution.in_process && execution.common.json {
+        crate::output::separate_stdout();
     }
-    // A shadow that is a program of its own runs in a process all the same.
-    if how.in_process && shadows.is_empty() {
-        how.common
+    // A shadow that is a separate program runs in a process nevertheless.
+    if execution.in_process && shadows.is_empty() {
+        execution
+            .common
             .patience_in_process()
             .iter()
             .for_each(|words| eprintln!("warning: {words}"));
     }
-    let outcome = match begun(scenario, &options, warned && !how.common.quiet) {
+    let outcome = match run_with_warnings(scenario, &options, warned && !execution.common.quiet) {
         Ok(outcome) => outcome,
         Err(failure) => {
             eprintln!("error: {failure}");
@@ -170,12 +178,12 @@ fn executed(
     }
     let folder = RunFolder::open(&root);
     let written = folder.write_json(&folder.summary(), &summary);
-    tell(&outcome.ending);
+    print_ending(&outcome.ending);
     warn_of_trace_and_pace(&outcome);
     written?;
-    if how.common.json {
+    if execution.common.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
-    } else if !how.common.quiet {
+    } else if !execution.common.quiet {
         print(scenario, &outcome);
         let mut out = crate::output::stdout();
         accounts
@@ -183,7 +191,7 @@ fn executed(
             .try_for_each(|account| print_account(account, &mut out))?;
     }
     if let Some((server, _)) = &server {
-        farewell(how, server, &outcome)?;
+        finish_live_page(execution, server, &outcome)?;
     }
     Ok((outcome.exit_code(), Some(outcome)))
 }
@@ -202,31 +210,31 @@ fn warn_of_trace_and_pace(outcome: &Outcome) {
 }
 
 /// The options of a run from the command line, except its scenario and its page.
-pub fn options(how: &HowArgs) -> Options {
+pub fn options(execution: &ExecutionArgs) -> Options {
     Options {
-        in_process: how.in_process,
+        in_process: execution.in_process,
         record: Record::Folder,
-        out: how.common.out.clone(),
-        force: how.common.force,
-        progress: terminal::progress(how.common.quiet),
+        out: execution.common.out.clone(),
+        force: execution.common.force,
+        progress: terminal::progress(execution.common.quiet),
         interrupt: signals::interrupt(),
-        pace: how.real_time,
-        overrun: how.overrun,
-        trace: how.trace.clone(),
-        pause_at: how.pause_at.clone(),
-        checkpoint_every: how.checkpoint_every,
-        checkpoint_at: how.checkpoint_at.clone(),
-        wait: how.wait,
-        no_placement: how.no_placement,
-        patience_s: how.common.patience_s(),
-        start_within: how.common.start_within(),
+        pace: execution.real_time,
+        overrun: execution.overrun,
+        trace: execution.trace.clone(),
+        pause_at: execution.pause_at.clone(),
+        checkpoint_every: execution.checkpoint_every,
+        checkpoint_at: execution.checkpoint_at.clone(),
+        wait: execution.wait,
+        no_placement: execution.no_placement,
+        patience_s: execution.common.patience_s(),
+        start_within: execution.common.start_within(),
         ..Options::default()
     }
 }
 
 /// The server of the page, if requested.
-fn live(how: &HowArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
-    let Some(port) = how.live.or(how.live_stay.then_some(0)) else {
+fn start_live_server(execution: &ExecutionArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
+    let Some(port) = execution.live.or(execution.live_stay.then_some(0)) else {
         return Ok(None);
     };
     let steering = Arc::new(Steering::default());
@@ -235,10 +243,10 @@ fn live(how: &HowArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
     Ok(Some((server, steering)))
 }
 
-/// The run is over and its folder complete: open pages get the complete data.
-fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result<()> {
+/// Sends the complete data to open pages, after the run has completed its folder; with `--live-stay`, serves them until Ctrl-C.
+fn finish_live_page(execution: &ExecutionArgs, server: &Server, outcome: &Outcome) -> anyhow::Result<()> {
     server.finish(outcome.ending.words().unwrap_or_else(|| "complete".to_owned()));
-    if !how.live_stay || matches!(outcome.ending, Ending::Stopped { .. }) {
+    if !execution.live_stay || matches!(outcome.ending, Ending::Stopped { .. }) {
         return Ok(());
     }
     let interrupt = signals::interrupt();
@@ -249,14 +257,14 @@ fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result
     Ok(())
 }
 
-/// The requested shadows, checked as far as possible before the run.
+/// Reads the requested shadows, and checks them as far as possible before the run.
 ///
 /// # Errors
 /// The mistake in one of them, and the exit code.
-fn shadows(args: &RunArgs, scenario: &Scenario) -> Result<Vec<Shadow>, (String, i32)> {
+fn read_shadows(args: &RunArgs, scenario: &Scenario) -> Result<Vec<Shadow>, (String, i32)> {
     let options = Options {
         interrupt: signals::interrupt(),
-        start_within: args.how.common.start_within(),
+        start_within: args.execution.common.start_within(),
         ..Options::default()
     };
     let read = |text: &String| {
@@ -312,8 +320,8 @@ fn print_trace(traced: &Traced) {
 
 /// Reports how the run kept pace with the wall clock.
 fn print_pace(pace: &Punctuality) {
-    let held = pace.held.map_or_else(|| "not known".to_owned(), factor);
-    println!("pace: {held} times real time held of {}", factor(pace.asked));
+    let achieved = pace.held.map_or_else(|| "not known".to_owned(), factor);
+    println!("pace: {achieved} times real time held of {}", factor(pace.asked));
     let width = pace.participants.keys().map(String::len).max().unwrap_or(0).max(11);
     println!(
         "  {:width$}       p50       p99     p99.9   largest  overruns (ms late)",
@@ -336,7 +344,7 @@ fn print_pace(pace: &Punctuality) {
 }
 
 /// Reports how a run ended, where this needs a message.
-pub fn tell(ending: &Ending) {
+pub fn print_ending(ending: &Ending) {
     let error = if matches!(ending, Ending::Failed { .. }) {
         "error: "
     } else {

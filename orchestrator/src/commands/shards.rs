@@ -8,7 +8,7 @@ use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, Sta
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
-use super::points::{CampaignArgs, PartArgs, TRIES, known_figures, no_second_shard};
+use super::points::{CampaignArgs, ShardArgs, TRIES_MAX, audit_without_second_shard, known_figures};
 use super::sweep::{self, SweepArgs};
 use crate::catalogue::catalogue;
 
@@ -77,7 +77,7 @@ pub struct RunFolderArgs {
     pub folder: PathBuf,
     /// Which part of the points
     #[command(flatten)]
-    pub part: PartArgs,
+    pub sharding: ShardArgs,
     /// How they are run
     #[command(flatten)]
     pub campaign: CampaignArgs,
@@ -139,21 +139,21 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
         )));
     }
     let scenario = Scenario::changed(catalogue(), &campaign.scenario, &campaign.overrides)?;
-    let options = args.part.options(args.campaign.options())?;
+    let options = args.sharding.options(args.campaign.options())?;
     // The rule is for the whole campaign: a shard does not know when all shards together have enough points.
-    let until = identity.until.as_ref().filter(|_| args.part.shard.is_none());
-    let watch = |until: &Until| until.watch(&known_figures(&campaign, TRIES)?.ordered());
+    let until = identity.until.as_ref().filter(|_| args.sharding.shard.is_none());
+    let watch = |until: &Until| until.watch(&known_figures(&campaign, TRIES_MAX)?.ordered());
     let options = Options {
         until: until.map(watch).transpose()?,
         shard: options.shard.or(identity.shard),
-        audit: args.part.audit.unwrap_or(identity.audit),
+        audit: args.sharding.audit.unwrap_or(identity.audit),
         out: options
             .out
-            .or_else(|| args.part.shard.is_none().then(|| args.folder.clone())),
+            .or_else(|| args.sharding.shard.is_none().then(|| args.folder.clone())),
         ..options
     };
-    if args.part.audit.is_some() && options.shard.is_none_or(|shard| shard.of == 1) {
-        return Err(no_second_shard("all points in one folder"));
+    if args.sharding.audit.is_some() && options.shard.is_none_or(|shard| shard.of == 1) {
+        return Err(audit_without_second_shard("all points in one folder"));
     }
     let finished = campaign::run_as(&identity, &campaign, &scenario, &options)?;
     conclude(&campaign, &finished, &figures(&finished), None, &args.campaign)
@@ -244,7 +244,7 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
     Ok(i32::from(!all))
 }
 
-fn word(state: &State, waits: bool) -> &'static str {
+fn state_word(state: &State, waits: bool) -> &'static str {
     match state {
         State::Complete => "complete",
         State::Running(_) => "running",
@@ -267,7 +267,7 @@ fn json(part: &Part, waits: bool) -> serde_json::Value {
         "until": part.identity.until,
         "enough": part.enough,
         "nodes": part.nodes,
-        "state": word(&part.state, waits),
+        "state": state_word(&part.state, waits),
     })
 }
 
@@ -303,7 +303,7 @@ fn print(part: &Part, waits: bool) {
     };
     let state = match &part.state {
         State::Running(holder) => format!("running on {}, process {}", holder.node, holder.pid),
-        state => word(state, waits).to_owned(),
+        state => state_word(state, waits).to_owned(),
     };
     println!("  {name}  {counts}{nodes}  {state}  {}", part.root.display());
     if part.is_outgrown() {

@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::cluster::ClusterArgs;
 use super::conclusion::{conclude, conclude_rare};
-use super::points::{CampaignArgs, DigestArgs, PartArgs, TRIES, known_figures};
+use super::points::{CampaignArgs, DigestArgs, ShardArgs, TRIES_MAX, known_figures};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
 use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
@@ -37,7 +37,7 @@ pub struct SweepArgs {
     pub digest: DigestArgs,
     /// Which part of the points
     #[command(flatten)]
-    pub part: PartArgs,
+    pub sharding: ShardArgs,
     /// On which machines
     #[command(flatten)]
     pub cluster: ClusterArgs,
@@ -59,26 +59,26 @@ pub fn run(args: &SweepArgs) -> anyhow::Result<i32> {
 
 fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     let overrides = args.scenario.changes();
-    let file = declared(args)?;
+    let file = declared_campaign(args)?;
     let path = file.as_ref().map_or(&*args.scenario.scenario, CampaignFile::scenario);
     let scenario = Scenario::changed(catalogue(), path, &overrides)?;
     let plan = match &file {
-        Some(file) => drawn_alone(file.plan(&scenario)?, &overrides)?,
-        None => listed(args, &scenario, &overrides)?,
+        Some(file) => check_draws_not_overridden(file.plan(&scenario)?, &overrides)?,
+        None => grid_plan(args, &scenario, &overrides)?,
     };
     if args.until.is_some() {
-        may_end_early(args, &plan)?;
+        check_early_stop(args, &plan)?;
     }
     let campaign = match &file {
         Some(file) => file.campaign(overrides, &plan),
         None => Campaign::of_plan(Kind::Sweep, path.to_owned(), overrides, &plan),
     };
     let campaign = Campaign {
-        digests: args.part.audit.is_some() || args.digest.wanted(&args.campaign),
+        digests: args.sharding.audit.is_some() || args.digest.includes_digests(&args.campaign),
         ..campaign
     };
     // Where values are drawn, the first point may be an impossible one; the values of a grid were all given by the user.
-    let tries = if file.is_some() { TRIES } else { 1 };
+    let tries = if file.is_some() { TRIES_MAX } else { 1 };
     let known = known_figures(&campaign, tries).map_err(|error| match &file {
         Some(file) => file.blame(&plan, &scenario, error, tries.min(campaign.points.len())),
         None => error,
@@ -96,19 +96,19 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         },
         figure: figure.clone(),
         until: args.until.as_ref().map(|until| until.watch(&figures)).transpose()?,
-        ..args.part.options(args.campaign.options())?
+        ..args.sharding.options(args.campaign.options())?
     };
     if let Some(file) = &file
         && let Some(rare) = file.rare(&plan)?
     {
-        alone(args)?;
+        check_single_machine(args)?;
         let criterion = file.criterion(&rare, &known.criteria, &scenario)?;
         let ended = rare.run(campaign, &plan, criterion, &scenario, &options)?;
         return conclude_rare(&ended, figure.as_ref(), &args.campaign);
     }
-    if let Some(code) = args
-        .cluster
-        .act(&campaign, &scenario, &options, figure.as_ref(), &args.campaign)?
+    if let Some(code) =
+        args.cluster
+            .submit_or_bundle(&campaign, &scenario, &options, figure.as_ref(), &args.campaign)?
     {
         return Ok(code);
     }
@@ -116,8 +116,8 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     conclude(&campaign, &finished, &figures, figure.as_ref(), &args.campaign)
 }
 
-/// Checks that the first points of a plan are a sample of their own, whatever their number.
-fn may_end_early(args: &SweepArgs, plan: &Plan) -> Result<(), CampaignError> {
+/// Checks that the first points of a plan are a valid sample, whatever their number.
+fn check_early_stop(args: &SweepArgs, plan: &Plan) -> Result<(), CampaignError> {
     let path = args.scenario.scenario.display();
     let reason = match plan {
         Plan::Declared(declared) => declared.needs_all().map(|design| {
@@ -138,11 +138,11 @@ fn may_end_early(args: &SweepArgs, plan: &Plan) -> Result<(), CampaignError> {
 }
 
 /// A rare-event campaign runs on one machine: points of a level depend on those of the level before it.
-fn alone(args: &SweepArgs) -> Result<(), CampaignError> {
+fn check_single_machine(args: &SweepArgs) -> Result<(), CampaignError> {
     let given = [
         ("--until", args.until.is_some()),
-        ("--shard", args.part.shard.is_some()),
-        ("--audit", args.part.audit.is_some()),
+        ("--shard", args.sharding.shard.is_some()),
+        ("--audit", args.sharding.audit.is_some()),
         ("--on", args.cluster.on.is_some()),
         ("--bundle", args.cluster.bundle.is_some()),
     ];
@@ -155,7 +155,7 @@ fn alone(args: &SweepArgs) -> Result<(), CampaignError> {
 }
 
 /// The campaign that the file declares, unless the command line gives the variations.
-fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
+fn declared_campaign(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
     let file = CampaignFile::open(&args.scenario.scenario)?;
     if let Some(points) = args.points {
         let file = file.ok_or_else(|| {
@@ -180,8 +180,8 @@ fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
     }
 }
 
-/// The plan, in which no value that the command line gives is replaced by a draw.
-fn drawn_alone(plan: Plan, overrides: &Changes) -> Result<Plan, CampaignError> {
+/// Checks that no dispersion of the plan draws a value that the command line fixes; returns the plan.
+fn check_draws_not_overridden(plan: Plan, overrides: &Changes) -> Result<Plan, CampaignError> {
     let Plan::Declared(declared) = &plan else {
         return Ok(plan);
     };
@@ -203,7 +203,7 @@ fn drawn_alone(plan: Plan, overrides: &Changes) -> Result<Plan, CampaignError> {
 }
 
 /// The grid of the command line.
-fn listed(args: &SweepArgs, scenario: &Scenario, overrides: &Changes) -> Result<Plan, CampaignError> {
+fn grid_plan(args: &SweepArgs, scenario: &Scenario, overrides: &Changes) -> Result<Plan, CampaignError> {
     let mut axes: Vec<Axis> = args.vary.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
     if let Some(count) = args.seeds {
         axes.push(campaign::range_of_seeds(scenario.seed, count)?);

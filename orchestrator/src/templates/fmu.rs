@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use fmu::{Draft, Model, Names, Part};
+use fmu::{Draft, DraftParticipant, Model, Names};
 
 use super::{File, Project};
 
@@ -27,26 +27,26 @@ pub(super) fn files(project: &Project<'_>) -> Result<Vec<File>, String> {
         let real = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
         let place = places
             .entry(real)
-            .or_insert_with(|| format!("fmus/{}.fmu", stems.pick(&stem)))
+            .or_insert_with(|| format!("fmus/{}.fmu", stems.unique(&stem)))
             .clone();
         if files.iter().all(|file: &File| file.path != place) {
             files.push(copy(path, &place)?);
         }
-        models.push((names.pick(&stem), place, model));
+        models.push((names.unique(&stem), place, model));
     }
-    let parts = models.iter().map(|(name, place, model)| Part {
+    let parts = models.iter().map(|(name, place, model)| DraftParticipant {
         name: name.clone(),
         file: place.clone(),
         about: &model.description,
-        period: format!("{} s", fmu::period(&model.description)),
-        offset: Some(fmu::span(&model.description).0)
+        period: format!("{} s", fmu::suggested_period(&model.description)),
+        offset: Some(fmu::suggested_span(&model.description).0)
             .filter(|first| *first > 0.0)
             .map(|first| format!("{first} s")),
-        parameters: fmu::written(&model.description),
+        parameters: fmu::parameter_entries(&model.description),
     });
     // A model without a stop time needs no certain end, except one after its start.
     let ends = models.iter().filter_map(|(_, _, model)| {
-        let (first, end) = fmu::span(&model.description);
+        let (first, end) = fmu::suggested_span(&model.description);
         (model.description.experiment.stop.is_some() || first > 0.0).then_some(end)
     });
     let stop = ends.fold(0.0, f64::max);
@@ -56,7 +56,7 @@ pub(super) fn files(project: &Project<'_>) -> Result<Vec<File>, String> {
         parts: parts.collect(),
         ..Draft::default()
     };
-    fmu::together(&mut draft);
+    fmu::connect_matching(&mut draft);
     files.insert(0, File::new("scenario.toml", draft.text()));
     Ok(files)
 }

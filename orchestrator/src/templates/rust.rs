@@ -8,7 +8,7 @@ use super::{File, Project};
 const BUILT_FROM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Names that a package cannot have here: those of the crates that it links, and of Rust's own crates.
-const TAKEN: [&str; 17] = [
+const RESERVED_NAMES: [&str; 17] = [
     "alloc",
     "core",
     "crate",
@@ -63,12 +63,12 @@ pub(super) fn files(project: &Project<'_>) -> Result<Vec<File>, String> {
 }
 
 /// The value of `escapement =` in the manifest, and Escapement's own lock file where it can be read.
-fn escapement(said: Option<&str>, built_from: &Path) -> Result<(String, Option<String>), String> {
-    if let Some(url) = said.filter(|said| said.contains("://") || said.starts_with("git@")) {
+fn escapement(option: Option<&str>, built_from: &Path) -> Result<(String, Option<String>), String> {
+    if let Some(url) = option.filter(|option| option.contains("://") || option.starts_with("git@")) {
         return Ok((format!("{{ git = {} }}", toml::Value::from(url)), None));
     }
-    let (root, whence) = match said {
-        Some(said) => (PathBuf::from(said), format!("--escapement {said}")),
+    let (root, origin) = match option {
+        Some(option) => (PathBuf::from(option), format!("--escapement {option}")),
         None => (
             built_from.to_owned(),
             format!(
@@ -89,12 +89,12 @@ fn escapement(said: Option<&str>, built_from: &Path) -> Result<(String, Option<S
             let lock = std::fs::read_to_string(root.join("Cargo.lock")).ok();
             Ok((format!("{{ path = {} }}", toml::Value::from(path)), lock))
         }
-        None if said.is_some() => Err(format!(
-            "{whence}: there is no crates/escapement/Cargo.toml in that folder; name a checkout of Escapement, or the address of its \
+        None if option.is_some() => Err(format!(
+            "{origin}: there is no crates/escapement/Cargo.toml in that folder; name a checkout of Escapement, or the address of its \
              repository (https://…, ssh://… or file://…)"
         )),
         None => Err(format!(
-            "{whence}: name a checkout with --escapement FOLDER, or the repository with --escapement URL"
+            "{origin}: name a checkout with --escapement FOLDER, or the repository with --escapement URL"
         )),
     }
 }
@@ -116,7 +116,7 @@ fn package_name(name: &str) -> String {
     };
     let name: String = name.chars().map(plain).collect();
     let name = name.trim_matches('-');
-    if name.is_empty() || TAKEN.contains(&name) || name.starts_with(|c: char| c.is_ascii_digit()) {
+    if name.is_empty() || RESERVED_NAMES.contains(&name) || name.starts_with(|c: char| c.is_ascii_digit()) {
         return format!("sim-{name}").trim_end_matches('-').to_owned();
     }
     name.to_owned()
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_gives_a_package_its_name() {
+    fn package_name_derives_from_folder() {
         for (folder, package) in [
             ("lander", "lander"),
             ("My Sim", "my-sim"),
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn sources_that_are_gone_are_named_with_what_to_do() {
+    fn missing_sources_are_named_with_remedy() {
         let refused = escapement(None, Path::new("/nowhere/orchestrator/..")).unwrap_err();
         assert!(
             refused.contains("no longer in /nowhere:") && refused.contains("--escapement FOLDER"),

@@ -308,7 +308,7 @@ impl Shared {
             watched.live = Some(Live::open(&course.folder, duration, &self.views)?);
         }
         let live = watched.live.as_mut().expect("just made");
-        let done = match live.ready() {
+        let done = match live.is_ready() {
             Ok(true) => act(live, course).map(Some),
             Ok(false) => Ok(None),
             Err(error) => Err(error),
@@ -345,7 +345,7 @@ impl Shared {
         let have: Vec<u64> = have.split('-').filter_map(|number| number.parse().ok()).collect();
         // The state is read first, so that everything it reports is on the tape by the time the tape is read.
         let state = self.steering.state();
-        match self.with_live(|live, _| live.news(&have)) {
+        match self.with_live(|live, _| live.update(&have)) {
             Ok(news) => {
                 let mut news = news.unwrap_or_else(|| json!({}));
                 news["state"] = state;

@@ -4,11 +4,11 @@ use std::ffi::CString;
 
 use lockstep::port::Element;
 
-use super::{Instance, named};
-use crate::kind::{Kind, Native};
-use crate::parameter::Held;
+use super::{Instance, with_variable_name};
+use crate::kind::{Native, VariableKind};
+use crate::parameter::ParameterValue;
 use crate::refusal::Refusal;
-use crate::variable::Place;
+use crate::variable::ValueLocation;
 
 impl Instance {
     /// Sets texts or bytes; those of array variables are given consecutively.
@@ -18,11 +18,11 @@ impl Instance {
             let number = self.variable(*reference, native)?;
             let (own, after) = rest.split_at(self.variables[number].len);
             let set = match self.variables[number].place {
-                Place::Parameter(parameter) => self.set_parameter(number, parameter, own),
-                Place::Input(port, at) => self.set_input(self.variables[number].kind, (port, at), own),
+                ValueLocation::Parameter(parameter) => self.set_parameter(number, parameter, own),
+                ValueLocation::Input(port, at) => self.set_input(self.variables[number].kind, (port, at), own),
                 _ => Err(Refusal::error("cannot be set: it is no input and no parameter")),
             };
-            set.map_err(|refusal| named(&self.variables[number].name, refusal))?;
+            set.map_err(|refusal| with_variable_name(&self.variables[number].name, refusal))?;
             rest = after;
         }
         Ok(())
@@ -32,14 +32,14 @@ impl Instance {
         self.parameters_may_be_set(number)?;
         let parameter = &mut self.parameters[parameter];
         let text = own.first().map(|text| String::from_utf8_lossy(text).into_owned());
-        let held = Held::Text(text.unwrap_or_default());
-        parameter.changed |= parameter.held != held;
-        parameter.held = held;
+        let value = ParameterValue::Text(text.unwrap_or_default());
+        parameter.changed |= parameter.value != value;
+        parameter.value = value;
         Ok(())
     }
 
-    fn set_input(&mut self, kind: Kind, (port, at): (usize, usize), own: &[&[u8]]) -> Result<(), Refusal> {
-        let Kind::Content(element) = kind else {
+    fn set_input(&mut self, kind: VariableKind, (port, at): (usize, usize), own: &[&[u8]]) -> Result<(), Refusal> {
+        let VariableKind::Content(element) = kind else {
             return Err(Refusal::error("is no text of a port"));
         };
         let size = element.size();
@@ -65,17 +65,17 @@ impl Instance {
             (variable.place, variable.kind, variable.len)
         };
         let payload = match place {
-            Place::Parameter(parameter) => {
-                return match &self.parameters[parameter].held {
-                    Held::Text(text) => Ok(vec![text.clone().into_bytes()]),
-                    Held::Bytes(_) => Err(Refusal::error("is no text")),
+            ValueLocation::Parameter(parameter) => {
+                return match &self.parameters[parameter].value {
+                    ParameterValue::Text(text) => Ok(vec![text.clone().into_bytes()]),
+                    ParameterValue::Bytes(_) => Err(Refusal::error("is no text")),
                 };
             }
-            Place::Input(port, at) => &self.body.input(port)[at..],
-            Place::Output(port, at) => &self.body.output(port)?[at..],
-            Place::Time | Place::Figure(_) => return Err(Refusal::error("is no text")),
+            ValueLocation::Input(port, at) => &self.body.input(port)[at..],
+            ValueLocation::Output(port, at) => &self.body.output(port)?[at..],
+            ValueLocation::Time | ValueLocation::Figure(_) => return Err(Refusal::error("is no text")),
         };
-        let Kind::Content(element) = kind else {
+        let VariableKind::Content(element) = kind else {
             return Err(Refusal::error("is no text"));
         };
         let each = payload.chunks_exact(element.size()).take(len);
@@ -84,12 +84,12 @@ impl Instance {
     }
 
     fn contents(&mut self, references: &[u32], native: Native) -> Result<Vec<Vec<u8>>, Refusal> {
-        self.settle()?;
+        self.restart_if_outdated()?;
         let mut all = Vec::new();
         for reference in references {
             let number = self.variable(*reference, native)?;
             let own = self.contents_of(number);
-            all.extend(own.map_err(|refusal| named(&self.variables[number].name, refusal))?);
+            all.extend(own.map_err(|refusal| with_variable_name(&self.variables[number].name, refusal))?);
         }
         Ok(all)
     }

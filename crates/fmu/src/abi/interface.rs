@@ -20,7 +20,7 @@ pub enum Status {
     /// Failed, and all instances of this FMU are unusable.
     Fatal,
     /// Pending, which is never requested, or an undefined status.
-    Odd(i32),
+    Unknown(i32),
 }
 
 impl Status {
@@ -31,20 +31,20 @@ impl Status {
             2 => Status::Discard,
             3 => Status::Error,
             4 => Status::Fatal,
-            other => Status::Odd(other),
+            other => Status::Unknown(other),
         }
     }
 
     /// Whether the call succeeded.
-    pub fn done(self) -> bool {
+    pub fn succeeded(self) -> bool {
         matches!(self, Status::Ok | Status::Warning)
     }
 
     /// "returned Error".
-    pub fn words(self) -> String {
+    pub fn text(self) -> String {
         match self {
-            Status::Odd(5) => "returned Pending: it works asynchronously, which nobody has asked it for".to_owned(),
-            Status::Odd(other) => format!("returned {other}, which is no status"),
+            Status::Unknown(5) => "returned Pending: it works asynchronously, which nobody has asked it for".to_owned(),
+            Status::Unknown(other) => format!("returned {other}, which is no status"),
             status => format!("returned {status:?}"),
         }
     }
@@ -79,20 +79,20 @@ impl Native {
     pub fn of(version: Version, kind: Type) -> Option<Native> {
         Some(match (version, kind) {
             (_, Type::Float64) => Native::F64,
-            (Version::Two, Type::Int32 | Type::Enumeration) => Native::I32,
-            (Version::Two, Type::Boolean) => Native::Bool32,
-            (Version::Three, Type::Float32) => Native::F32,
-            (Version::Three, Type::Int8) => Native::I8,
-            (Version::Three, Type::UInt8) => Native::U8,
-            (Version::Three, Type::Int16) => Native::I16,
-            (Version::Three, Type::UInt16) => Native::U16,
-            (Version::Three, Type::Int32) => Native::I32,
-            (Version::Three, Type::UInt32) => Native::U32,
-            (Version::Three, Type::Int64 | Type::Enumeration) => Native::I64,
-            (Version::Three, Type::UInt64) => Native::U64,
-            (Version::Three, Type::Boolean) => Native::Bool8,
+            (Version::Fmi2, Type::Int32 | Type::Enumeration) => Native::I32,
+            (Version::Fmi2, Type::Boolean) => Native::Bool32,
+            (Version::Fmi3, Type::Float32) => Native::F32,
+            (Version::Fmi3, Type::Int8) => Native::I8,
+            (Version::Fmi3, Type::UInt8) => Native::U8,
+            (Version::Fmi3, Type::Int16) => Native::I16,
+            (Version::Fmi3, Type::UInt16) => Native::U16,
+            (Version::Fmi3, Type::Int32) => Native::I32,
+            (Version::Fmi3, Type::UInt32) => Native::U32,
+            (Version::Fmi3, Type::Int64 | Type::Enumeration) => Native::I64,
+            (Version::Fmi3, Type::UInt64) => Native::U64,
+            (Version::Fmi3, Type::Boolean) => Native::Bool8,
             (_, Type::String) => Native::Text,
-            (Version::Three, Type::Binary) => Native::Binary,
+            (Version::Fmi3, Type::Binary) => Native::Binary,
             _ => return None,
         })
     }

@@ -6,32 +6,32 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Number of newest messages that are kept.
-const KEPT: usize = 8;
+const NEWEST_MAX: usize = 8;
 
 /// Maximum number of messages of one step that are reported.
-const TOLD: usize = 64;
+const REPORTED_MAX: usize = 64;
 
 /// The log of one instance.
 #[derive(Debug, Default)]
 struct Shared {
     /// Whether there are unreported messages: checked at every step.
-    fresh: AtomicBool,
-    written: Mutex<Written>,
+    has_unreported: AtomicBool,
+    messages: Mutex<LogMessages>,
 }
 
 /// The messages of one instance.
 #[derive(Debug, Default)]
-struct Written {
+struct LogMessages {
     newest: VecDeque<String>,
     /// The unreported messages, and the number of further ones beyond the maximum.
-    untold: Vec<String>,
-    more: usize,
+    unreported: Vec<String>,
+    omitted: usize,
 }
 
 /// The environment pointers of living instances. They are numbers: an FMU that mixes them up cannot write to our memory.
 static LOGS: Mutex<BTreeMap<usize, Arc<Shared>>> = Mutex::new(BTreeMap::new());
 static NEXT: AtomicUsize = AtomicUsize::new(1);
-static ALOUD: AtomicBool = AtomicBool::new(false);
+static TO_STANDARD_ERROR: AtomicBool = AtomicBool::new(false);
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -40,7 +40,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// From now on, warnings and errors that FMUs of this process log also go to standard error: for a program that is a single
 /// participant.
 pub fn to_standard_error() {
-    ALOUD.store(true, Ordering::Relaxed);
+    TO_STANDARD_ERROR.store(true, Ordering::Relaxed);
 }
 
 /// The warnings and errors of one instance.
@@ -73,7 +73,7 @@ impl Log {
 
     /// Returns the messages as a continuation of a sentence, and clears them.
     pub fn take(&self) -> String {
-        let lines: Vec<String> = locked(&self.shared.written).newest.drain(..).collect();
+        let lines: Vec<String> = locked(&self.shared.messages).newest.drain(..).collect();
         if lines.is_empty() {
             return String::new();
         }
@@ -81,14 +81,17 @@ impl Log {
     }
 
     /// The messages since the last call, for the participant's own log. Empty where they went to standard error.
-    pub fn tell(&self, mut say: impl FnMut(&str)) {
-        if !self.shared.fresh.load(Ordering::Relaxed) {
+    pub fn report_new(&self, mut say: impl FnMut(&str)) {
+        if !self.shared.has_unreported.load(Ordering::Relaxed) {
             return;
         }
         let (lines, more) = {
-            let mut written = locked(&self.shared.written);
-            self.shared.fresh.store(false, Ordering::Relaxed);
-            (std::mem::take(&mut written.untold), std::mem::take(&mut written.more))
+            let mut messages = locked(&self.shared.messages);
+            self.shared.has_unreported.store(false, Ordering::Relaxed);
+            (
+                std::mem::take(&mut messages.unreported),
+                std::mem::take(&mut messages.omitted),
+            )
         };
         lines.iter().for_each(|line| say(line));
         if more > 0 {
@@ -102,26 +105,26 @@ fn record(environment: *mut c_void, status: i32, category: &str, text: &str) {
         return;
     }
     let line = text.trim().to_owned();
-    let told = format!("FMU, {category}: {line}");
-    let aloud = ALOUD.load(Ordering::Relaxed);
+    let message = format!("FMU, {category}: {line}");
+    let aloud = TO_STANDARD_ERROR.load(Ordering::Relaxed);
     if aloud {
-        eprintln!("{told}");
+        eprintln!("{message}");
     }
     let shared = locked(&LOGS).get(&environment.addr()).cloned();
     if let Some(shared) = shared {
-        let mut written = locked(&shared.written);
-        if written.newest.len() == KEPT {
-            written.newest.pop_front();
+        let mut messages = locked(&shared.messages);
+        if messages.newest.len() == NEWEST_MAX {
+            messages.newest.pop_front();
         }
-        written.newest.push_back(line);
+        messages.newest.push_back(line);
         if aloud {
             return;
         }
-        match written.untold.len() < TOLD {
-            true => written.untold.push(told),
-            false => written.more += 1,
+        match messages.unreported.len() < REPORTED_MAX {
+            true => messages.unreported.push(message),
+            false => messages.omitted += 1,
         }
-        shared.fresh.store(true, Ordering::Relaxed);
+        shared.has_unreported.store(true, Ordering::Relaxed);
     }
 }
 

@@ -3,12 +3,12 @@
 //! Only the functions that co-simulation needs: the bindings are small enough to be written here, so a step calls the FMU
 //! directly. All calls of foreign code are in this module.
 
+mod fmi2;
+mod fmi3;
 mod guarded;
 mod interface;
 mod library;
 mod log;
-mod three;
-mod two;
 
 #[cfg(test)]
 pub use interface::Stepped;
@@ -21,8 +21,8 @@ use std::path::Path;
 use crate::description::{Description, Version};
 use guarded::Guarded;
 
-/// Loads the library of the FMU that is unpacked in `folder` and creates an instance called `name`. `alone` where nothing else depends
-/// on the process: the orchestrator then sees that it has ended, and with which status.
+/// Loads the library of the FMU that is unpacked in `folder` and creates an instance called `name`. `own_process` where nothing else
+/// depends on the process: the orchestrator then sees that it has ended, and with which status.
 ///
 /// # Errors
 /// Names the library or the function, with the FMU's log.
@@ -32,28 +32,28 @@ pub fn instantiate(
     folder: &Path,
     name: &str,
     log: &Log,
-    alone: bool,
+    own_process: bool,
 ) -> Result<Box<dyn Instance>, LoadError> {
     const INSTANTIATE: &str = "its library's initialisation or in Instantiate";
-    let (two, three) = (
-        |guard| two::Two::new(description, library, folder, name, log, guard),
-        |guard| three::Three::new(description, library, folder, name, log, guard),
+    let (load_fmi2, load_fmi3) = (
+        |guard| fmi2::Fmi2Instance::new(description, library, folder, name, log, guard),
+        |guard| fmi3::Fmi3Instance::new(description, library, folder, name, log, guard),
     );
-    if alone {
+    if own_process {
         return Ok(match description.version {
-            Version::Two => Box::new(two(None)?),
-            Version::Three => Box::new(three(None)?),
+            Version::Fmi2 => Box::new(load_fmi2(None)?),
+            Version::Fmi3 => Box::new(load_fmi3(None)?),
         });
     }
     let guard = guarded::guard(name);
     let own = Some(guard.clone());
     Ok(match description.version {
-        Version::Two => {
-            let instance = guard.call(INSTANTIATE, || two(own))?;
+        Version::Fmi2 => {
+            let instance = guard.call(INSTANTIATE, || load_fmi2(own))?;
             Box::new(Guarded { instance, guard })
         }
-        Version::Three => {
-            let instance = guard.call(INSTANTIATE, || three(own))?;
+        Version::Fmi3 => {
+            let instance = guard.call(INSTANTIATE, || load_fmi3(own))?;
             Box::new(Guarded { instance, guard })
         }
     })

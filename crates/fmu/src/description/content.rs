@@ -9,14 +9,14 @@ use super::variable::{Type, Variable};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Version {
     /// FMI 2.0.
-    Two,
+    Fmi2,
     /// FMI 3.0.
-    Three,
+    Fmi3,
 }
 
 /// The FMU's capabilities in co-simulation.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Abilities {
+pub struct Capabilities {
     /// The name of the library; with FMI 2.0 it has no other use.
     pub identifier: String,
     /// It is a wrapper for a tool that must be installed.
@@ -62,7 +62,7 @@ pub struct Description {
     /// The `guid` or `instantiationToken`.
     pub token: String,
     /// Its capabilities in co-simulation.
-    pub abilities: Abilities,
+    pub capabilities: Capabilities,
     /// The default experiment.
     pub experiment: Experiment,
     /// The units by name.
@@ -84,13 +84,13 @@ impl Description {
         self.variables.iter().find(called)
     }
 
-    /// What tells the variable's value from all others: variables of which this is equal are one value. In FMI 2.0 each type has its
+    /// The identity of the variable's value: variables with equal identities share one value. In FMI 2.0 each type has its
     /// own value references, and enumerations are integers; in FMI 3.0 a reference means one value whatever its type is.
     pub fn value_of(&self, variable: &Variable) -> (Option<Type>, u32) {
         let kind = match (self.version, variable.kind) {
-            (Version::Three, _) => None,
-            (Version::Two, Type::Enumeration) => Some(Type::Int32),
-            (Version::Two, kind) => Some(kind),
+            (Version::Fmi3, _) => None,
+            (Version::Fmi2, Type::Enumeration) => Some(Type::Int32),
+            (Version::Fmi2, kind) => Some(kind),
         };
         (kind, variable.reference)
     }

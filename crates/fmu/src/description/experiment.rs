@@ -3,7 +3,7 @@
 use super::content::Experiment;
 
 /// Leaves out the times of a default experiment that mean nothing; returns what is wrong with each.
-pub(super) fn settle(experiment: &mut Experiment) -> Vec<String> {
+pub(super) fn discard_invalid_times(experiment: &mut Experiment) -> Vec<String> {
     let mut found = Vec::new();
     let Experiment { start, stop, step, .. } = experiment;
     let first = start.unwrap_or(0.0);

@@ -3,7 +3,7 @@
 use super::variable::Variable;
 
 /// The attributes `min`, `max` and `start` of a variable that are no values of its type: what is wrong with each.
-pub(super) fn odd(variable: &Variable) -> Vec<String> {
+pub(super) fn invalid_literals(variable: &Variable) -> Vec<String> {
     let Variable { name, kind, range, .. } = variable;
     let mut found = Vec::new();
     let mut look = |attribute: &str, text: &str, effect: &str| {
@@ -31,7 +31,7 @@ mod tests {
     use super::super::content::Description;
 
     #[test]
-    fn value_that_the_type_cannot_represent_is_reported() {
+    fn literal_outside_its_type_is_reported() {
         let text = r#"<fmiModelDescription fmiVersion="3.0" modelName="m" instantiationToken="t">
              <CoSimulation modelIdentifier="m"/>
              <ModelVariables>
@@ -57,7 +57,7 @@ mod tests {
         }
         assert_eq!(about.problems.len(), parts.len(), "{:?}", about.problems);
         // A generated scenario has only values that it accepts.
-        let written: Vec<String> = (crate::inspect::written(&about).into_iter())
+        let written: Vec<String> = (crate::inspect::parameter_entries(&about).into_iter())
             .map(|(name, _)| name)
             .collect();
         assert_eq!(written, ["a", "fine", "large", "said"]);

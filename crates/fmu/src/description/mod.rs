@@ -8,7 +8,7 @@ mod read;
 mod units;
 mod variable;
 
-pub use content::{Abilities, Description, Experiment, Version};
+pub use content::{Capabilities, Description, Experiment, Version};
 pub use read::DescriptionError;
 pub use units::{BASE as BASE_UNITS, BaseUnit, Conversion, Unit};
 pub use variable::{Alias, Causality, Extent, Initial, Item, Range, Type, Variability, Variable};

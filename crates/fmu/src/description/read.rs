@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::content::{Abilities, Description, Experiment, Version};
-use super::experiment::settle;
+use super::content::{Capabilities, Description, Experiment, Version};
+use super::experiment::discard_invalid_times;
 use super::literals;
 use super::nodes::{child, elements, range, text_of, type_of, words};
 use super::units::{BaseUnit, Unit};
@@ -67,7 +67,7 @@ impl Description {
         let root = document.root_element();
         let mut reader = Reader {
             document: &document,
-            version: Version::Three,
+            version: Version::Fmi3,
             problems: Vec::new(),
         };
         if !root.has_tag_name("fmiModelDescription") {
@@ -76,8 +76,8 @@ impl Description {
         }
         let version = reader.needed(root, "fmiVersion")?;
         reader.version = match version.as_str() {
-            text if text.starts_with("2.") => Version::Two,
-            text if text.starts_with("3.") => Version::Three,
+            text if text.starts_with("2.") => Version::Fmi2,
+            text if text.starts_with("3.") => Version::Fmi3,
             other => {
                 return Err(reader.error(root, format!("FMI version `{other}`; 2.0 and 3.0 are supported")));
             }
@@ -125,7 +125,7 @@ impl<'a> Reader<'a> {
     }
 
     fn description(mut self, root: Node<'a, 'a>) -> Result<Description, DescriptionError> {
-        let two = self.version == Version::Two;
+        let two = self.version == Version::Fmi2;
         let Some(own) = child(root, "CoSimulation") else {
             let reason = "it has no `CoSimulation`: only FMUs for co-simulation can take part; export it as one";
             return Err(self.error(root, reason.to_owned()));
@@ -149,7 +149,7 @@ impl<'a> Reader<'a> {
         if let Some(step) = fixed_step.filter(|step| *step <= 0.0) {
             return Err(self.error(own, format!("`fixedInternalStepSize` is {step}; it must be positive")));
         }
-        let abilities = Abilities {
+        let capabilities = Capabilities {
             identifier,
             needs_execution_tool: self.flag(own, "needsExecutionTool")?,
             once_per_process: self.flag(own, "canBeInstantiatedOnlyOncePerProcess")?,
@@ -172,7 +172,7 @@ impl<'a> Reader<'a> {
             text: text("description"),
             tool: text("generationTool"),
             token: self.needed(root, if two { "guid" } else { "instantiationToken" })?,
-            abilities,
+            capabilities,
             experiment,
             differences: (units.iter())
                 .filter_map(|(name, unit)| Some((name.clone(), unit.of_differences()?)))
@@ -194,8 +194,8 @@ impl<'a> Reader<'a> {
             step: self.finite(node, "stepSize")?,
             tolerance: self.finite(node, "tolerance")?,
         };
-        for odd in settle(&mut experiment) {
-            self.problem(node, odd);
+        for invalid in discard_invalid_times(&mut experiment) {
+            self.problem(node, invalid);
         }
         Ok(experiment)
     }
@@ -232,8 +232,8 @@ impl<'a> Reader<'a> {
             let name = self.needed(node, "name")?;
             // FMI 2.0 has the content in an element of its own.
             let own = match self.version {
-                Version::Two => elements(Some(node)).next().unwrap_or(node),
-                Version::Three => node,
+                Version::Fmi2 => elements(Some(node)).next().unwrap_or(node),
+                Version::Fmi3 => node,
             };
             let mut items = Vec::new();
             for item in own.children().filter(|child| child.has_tag_name("Item")) {
@@ -277,8 +277,8 @@ impl<'a> Reader<'a> {
                 );
                 variable.unit = None;
             }
-            for odd in literals::odd(&variable) {
-                self.problem(node, odd);
+            for invalid in literals::invalid_literals(&variable) {
+                self.problem(node, invalid);
             }
             variables.push(variable);
         }
@@ -302,11 +302,11 @@ impl<'a> Reader<'a> {
         let reference = self.number(node, "valueReference")?;
         let reference = reference.ok_or_else(|| self.error(node, format!("`{name}` has no `valueReference`")))?;
         let own = match self.version {
-            Version::Two => {
+            Version::Fmi2 => {
                 let typed = elements(Some(node)).find(|child| type_of(child.tag_name().name()).is_some());
                 typed.ok_or_else(|| self.error(node, format!("`{name}` has no type")))?
             }
-            Version::Three => node,
+            Version::Fmi3 => node,
         };
         let Some(kind) = type_of(own.tag_name().name()) else {
             return Err(self.error(
@@ -333,11 +333,11 @@ impl<'a> Reader<'a> {
         let limits = range(own);
         let text = matches!(kind, Type::String | Type::Binary);
         let start = match (self.version, text) {
-            (Version::Three, true) => elements(Some(node))
+            (Version::Fmi3, true) => elements(Some(node))
                 .filter(|child| child.has_tag_name("Start"))
                 .filter_map(|child| child.attribute("value").map(str::to_owned))
                 .collect(),
-            (Version::Two, true) => own.attribute("start").map(str::to_owned).into_iter().collect(),
+            (Version::Fmi2, true) => own.attribute("start").map(str::to_owned).into_iter().collect(),
             _ => own.attribute("start").map(words).unwrap_or_default(),
         };
         let extents = self.extents(node, &name)?;
@@ -418,7 +418,7 @@ impl<'a> Reader<'a> {
             Some("tunable") => Variability::Tunable,
             Some("discrete") => Variability::Discrete,
             Some("continuous") => Variability::Continuous,
-            None if kind.is_float() || self.version == Version::Two => Variability::Continuous,
+            None if kind.is_float() || self.version == Version::Fmi2 => Variability::Continuous,
             None => Variability::Discrete,
             Some(other) => return Err(self.error(node, format!("`{name}` has the unknown variability `{other}`"))),
         })
@@ -444,7 +444,7 @@ impl<'a> Reader<'a> {
     /// The outputs with direct feedthrough from inputs. Without `dependencies` an output may depend on all inputs.
     fn structure(&mut self, root: Node<'a, 'a>, variables: &mut [Variable]) -> Result<(), DescriptionError> {
         let structure = child(root, "ModelStructure");
-        let two = self.version == Version::Two;
+        let two = self.version == Version::Fmi2;
         let list = if two {
             structure.and_then(|node| child(node, "Outputs"))
         } else {

@@ -89,8 +89,8 @@ impl Unit {
     /// The unit of a port for values in this unit, and the conversion: the FMU's own unit where the framework knows it with
     /// the same definition, else its base units.
     pub fn of_port(&self) -> Conversion {
-        let spelt = spelt(&self.name);
-        match (&self.base, known(&spelt)) {
+        let spelt = normalised_spelling(&self.name);
+        match (&self.base, is_known(&spelt)) {
             (None, true) => Conversion::none(spelt),
             (None, false) => Conversion::none(self.name.as_str()),
             (Some(base), true) if self.agrees(&spelt, base) => Conversion::none(spelt),
@@ -127,7 +127,7 @@ impl Unit {
 }
 
 /// A unit's name as Modelica and FMUs write it, converted to the framework's spelling: `N.m/s2` is `N m/s^2`.
-fn spelt(name: &str) -> String {
+fn normalised_spelling(name: &str) -> String {
     let mut text = String::new();
     let mut before = ' ';
     for letter in name.trim().chars() {
@@ -144,7 +144,7 @@ fn spelt(name: &str) -> String {
     if text.is_empty() { "1".to_owned() } else { text }
 }
 
-fn known(unit: &str) -> bool {
+fn is_known(unit: &str) -> bool {
     // A unit known with another dimension.
     !matches!(convert(&format!("1 {unit}"), "1"), Err(UnitError::Symbol { .. }))
 }
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn unit_known_to_both_keeps_its_bits() {
+    fn unit_known_to_framework_keeps_values_bitwise() {
         for (name, exponents, factor, port) in [
             ("m/s2", [0, 1, -2, 0, 0, 0, 0, 0], 1.0, "m/s^2"),
             ("N.m", [1, 2, -2, 0, 0, 0, 0, 0], 1.0, "N m"),
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn user_may_name_another_unit_of_the_dimension() {
+    fn conversion_accepts_other_unit_of_same_dimension() {
         let degrees = unit("deg", [0, 0, 0, 0, 0, 0, 0, 1], 0.0174532925199433, 0.0);
         let to = degrees.to("rad").unwrap();
         assert!((to.factor - std::f64::consts::PI / 180.0).abs() < 1e-18 && to.offset == 0.0);

@@ -33,7 +33,7 @@ fn set(about: &Description, parameters: &str) -> Result<f64, String> {
 }
 
 #[test]
-fn offset_of_a_unit_is_not_for_relative_quantities() {
+fn unit_offset_does_not_apply_to_relative_quantity() {
     let about = described(
         r#"<Float64 name="t" valueReference="1" causality="parameter" unit="degC"/>
            <Float64 name="d" valueReference="2" causality="parameter" unit="degC" relativeQuantity="true"/>
@@ -56,7 +56,7 @@ fn offset_of_a_unit_is_not_for_relative_quantities() {
 }
 
 #[test]
-fn parameter_is_given_once() {
+fn parameter_given_twice_is_refused() {
     let about = described(r#"<Float64 name="inner.k" valueReference="1" causality="parameter"/>"#);
     assert_eq!(set(&about, "inner = { k = 2 }"), Ok(2.0));
     assert_eq!(set(&about, "'inner.k' = 3.0"), Ok(3.0));
@@ -67,7 +67,7 @@ fn parameter_is_given_once() {
 }
 
 #[test]
-fn alias_sets_its_variable_and_is_given_once_with_it() {
+fn alias_sets_its_variable_and_counts_as_its_value() {
     let three = described(
         r#"<Float64 name="h" valueReference="1" causality="parameter"><Alias name="h_ft" displayUnit="ft"/><Alias name="in.h"/></Float64>"#,
     );
@@ -96,14 +96,14 @@ fn alias_sets_its_variable_and_is_given_once_with_it() {
     let error = set(&two, "a = 1.0\nb = 2.0").unwrap_err();
     assert!(error.contains("`a` and `b` are one value"), "{error}");
     // A generated scenario has each value once.
-    let written: Vec<String> = (crate::inspect::written(&two).into_iter())
+    let written: Vec<String> = (crate::inspect::parameter_entries(&two).into_iter())
         .map(|(name, _)| name)
         .collect();
     assert_eq!(written, ["a", "n"]);
 }
 
 #[test]
-fn alias_names_fields_and_is_no_second_field() {
+fn alias_names_field_without_adding_one() {
     let about = described(
         r#"<Float64 name="h" valueReference="1" causality="output"><Alias name="h_ft" description="in feet"/></Float64>
            <Float64 name="u" valueReference="2" causality="input"><Alias name="pull"/></Float64>"#,
@@ -165,7 +165,7 @@ fn number_beyond_its_type_is_refused() {
 }
 
 #[test]
-fn unit_with_a_factor_is_needed_even_without_a_dimension() {
+fn dimensionless_unit_with_factor_is_required() {
     let about = described(
         r#"<Float64 name="share" valueReference="1" causality="parameter" unit="%" start="0.5"/>
            <Float64 name="pure" valueReference="2" causality="parameter" unit="1" start="0.5"/>"#,
@@ -177,14 +177,14 @@ fn unit_with_a_factor_is_needed_even_without_a_dimension() {
     );
     assert_eq!(set(&about, "pure = 0.5"), Ok(0.5));
     // Generated scenarios say it too.
-    let written = crate::inspect::written(&about);
+    let written = crate::inspect::parameter_entries(&about);
     assert_eq!(written[0].1, Value::String("0.5 %".into()));
     assert_eq!(written[1].1, Value::Float(0.5));
     assert!(Settings::read(&about, &written.into_iter().collect()).is_ok());
 }
 
 #[test]
-fn unit_is_all_of_the_text_after_the_number() {
+fn unit_is_whole_text_after_number() {
     let about = described(
         r#"<Float64 name="time" valueReference="1" causality="parameter" unit="s"/>
            <Float64 name="share" valueReference="2" causality="parameter" unit="%"/>

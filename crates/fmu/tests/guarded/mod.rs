@@ -74,7 +74,7 @@ fn child() {
 }
 
 #[test]
-fn exit_in_any_function_is_a_failure_that_names_fmu_and_function() {
+fn exit_in_any_function_fails_with_fmu_and_function_name() {
     for function in [
         "EnterConfigurationMode",
         "ExitConfigurationMode",
@@ -91,12 +91,12 @@ fn exit_in_any_function_is_a_failure_that_names_fmu_and_function() {
         let program = std::env::current_exe().expect("a test has a program");
         let mut command = Command::new(program);
         command.args(["--exact", "abi::guarded::tests::child", "--nocapture"]);
-        let said = command
+        let output = command
             .env(CHILD, function)
             .output()
             .expect("the program can be started");
-        let err = String::from_utf8_lossy(&said.stderr);
-        assert_eq!(said.status.code(), Some(1), "{function}: {err}");
+        let err = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{function}: {err}");
         let words = format!("it: the FMU called exit() in {function}");
         assert!(err.contains(&words), "{function}: {err}");
     }

@@ -2,10 +2,10 @@
 
 use serde_json::Value;
 
-use crate::page::{STYLE, TICKS, TOOLS, base64, filled};
+use crate::page::{STYLE, TICKS, TOOLS, base64, fill_template};
 
 const TEMPLATE: &str = include_str!("assets/campaign.html");
-const STYLE_OF_ITS_OWN: &str = include_str!("assets/campaign.css");
+const CAMPAIGN_STYLE: &str = include_str!("assets/campaign.css");
 const CASES: &str = include_str!("assets/cases.js");
 const SCRIPT: &str = include_str!("assets/campaign.js");
 
@@ -18,10 +18,10 @@ pub fn floats(values: Vec<f64>) -> Value {
 /// of cases.
 pub fn page(title: &str, data: &Value) -> String {
     let data = data.to_string().replace('<', "\\u003c");
-    filled(
+    fill_template(
         TEMPLATE,
         title,
-        &[STYLE, STYLE_OF_ITS_OWN],
+        &[STYLE, CAMPAIGN_STYLE],
         &data,
         &[TOOLS, TICKS, CASES, SCRIPT],
     )

@@ -188,7 +188,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn headings_differ_and_first_of_equals_stays(
+        fn headings_are_unique_and_first_of_equals_is_unchanged(
             names in prop::collection::vec(("[ta_]{1,2}(_2|_3)?(\\[0\\])?", prop::sample::select(vec!["s", "m", ""])), 0..40),
         ) {
             let made = headings(&names);

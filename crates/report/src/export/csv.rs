@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::columns::{Column, Number, TIME, columns, distinct, number};
 use super::error::ExportError;
-use super::file::{Draft, WriteError};
+use super::file::{PartialFile, WriteError};
 use super::npy;
 use tape::{Records, Source};
 
@@ -14,10 +14,10 @@ pub(super) fn write(source: &dyn Source, stream: usize, dir: &Path) -> Result<Ve
     let spec = &source.streams()[stream];
     let (wide, columns): (Vec<_>, Vec<_>) = columns(spec).into_iter().partition(Column::is_wide);
     let mut records = Records::new(source, stream);
-    let mut table = Draft::create(dir.join(format!("{}.csv", spec.name())))?;
+    let mut table = PartialFile::create(dir.join(format!("{}.csv", spec.name())))?;
     let mut arrays = Vec::with_capacity(wide.len());
     for (column, name) in wide.iter().zip(array_names(&wide)) {
-        let mut array = Draft::create(dir.join(format!("{}.{name}.npy", spec.name())))?;
+        let mut array = PartialFile::create(dir.join(format!("{}.{name}.npy", spec.name())))?;
         array.put(&npy::head(column.field, records.remaining()))?;
         arrays.push(array);
     }
@@ -34,10 +34,10 @@ pub(super) fn write(source: &dyn Source, stream: usize, dir: &Path) -> Result<Ve
             array.put(column.cell(record.payload))?;
         }
     }
-    std::iter::once(table).chain(arrays).map(Draft::finish).collect()
+    std::iter::once(table).chain(arrays).map(PartialFile::finish).collect()
 }
 
-fn row(table: &mut Draft, columns: &[Column<'_>], stamp_s: f64, payload: &[u8]) -> Result<(), ExportError> {
+fn row(table: &mut PartialFile, columns: &[Column<'_>], stamp_s: f64, payload: &[u8]) -> Result<(), ExportError> {
     table.write(|out| {
         // `{:?}` of a float is the shortest text that parses to the same number, with an exponent where that is shorter.
         write!(out, "{stamp_s:?}")?;

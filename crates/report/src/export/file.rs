@@ -9,7 +9,7 @@ use tape::ReadError;
 use super::error::ExportError;
 
 /// Information about the run for readers of the files: keys and values of their metadata.
-pub type About = [(&'static str, String)];
+pub type Metadata = [(&'static str, String)];
 
 /// Why a file could not be written.
 pub(super) enum WriteError {
@@ -31,19 +31,19 @@ impl From<io::Error> for WriteError {
 
 /// A file that has a temporary name until it is complete: a partial file never looks like a complete one. If dropped before
 /// completion, it is removed.
-pub(super) struct Draft {
+pub(super) struct PartialFile {
     path: PathBuf,
     part: PathBuf,
     file: BufWriter<File>,
 }
 
-impl Draft {
-    pub(super) fn create(path: PathBuf) -> Result<Draft, ExportError> {
+impl PartialFile {
+    pub(super) fn create(path: PathBuf) -> Result<PartialFile, ExportError> {
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
         let part = PathBuf::from(part);
         match File::create(&part) {
-            Ok(file) => Ok(Draft {
+            Ok(file) => Ok(PartialFile {
                 path,
                 part,
                 file: BufWriter::with_capacity(1 << 18, file),
@@ -83,31 +83,31 @@ impl Draft {
     }
 }
 
-impl Drop for Draft {
+impl Drop for PartialFile {
     fn drop(&mut self) {
         // After completion the temporary name no longer exists.
         let _ = fs::remove_file(&self.part);
     }
 }
 
-pub(super) fn whole_file(
+pub(super) fn write_complete_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteError>,
 ) -> Result<(), ExportError> {
-    let mut draft = Draft::create(path.to_owned())?;
+    let mut draft = PartialFile::create(path.to_owned())?;
     draft.write(write)?;
     draft.finish().map(|_| ())
 }
 
 /// A writer that counts its position.
-pub(super) struct Counted<'a, W: Write> {
+pub(super) struct CountingWriter<'a, W: Write> {
     inner: &'a mut W,
     pub(super) position: u64,
 }
 
-impl<'a, W: Write> Counted<'a, W> {
-    pub(super) fn new(inner: &'a mut W) -> Counted<'a, W> {
-        Counted { inner, position: 0 }
+impl<'a, W: Write> CountingWriter<'a, W> {
+    pub(super) fn new(inner: &'a mut W) -> CountingWriter<'a, W> {
+        CountingWriter { inner, position: 0 }
     }
 
     pub(super) fn put(&mut self, bytes: &[u8]) -> io::Result<()> {

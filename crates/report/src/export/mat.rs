@@ -14,7 +14,7 @@ use lockstep::port::{Content, Element, Field};
 use tape::{Source, StreamSpec};
 
 use super::columns::{distinct, fields, is_wide};
-use super::file::{About, WriteError};
+use super::file::{Metadata, WriteError};
 
 // Types of elements.
 const INT8: u32 = 1;
@@ -116,8 +116,8 @@ impl Value<'_> {
         }
     }
 
-    /// Writes everything but the numbers of arrays, and records in `places` where those belong.
-    fn write(&self, name: &str, out: &mut BufWriter<File>, places: &mut Vec<u64>) -> io::Result<()> {
+    /// Writes everything but the numbers of arrays, and records in `offsets` where those belong.
+    fn write(&self, name: &str, out: &mut BufWriter<File>, offsets: &mut Vec<u64>) -> io::Result<()> {
         out.write_all(&tag(MATRIX, self.size(name)))?;
         out.write_all(&self.head(name))?;
         match self {
@@ -138,13 +138,13 @@ impl Value<'_> {
                 let mut whole = Vec::new();
                 element(&mut whole, INT8, &names);
                 out.write_all(&whole)?;
-                fields.iter().try_for_each(|(_, value)| value.write("", out, places))
+                fields.iter().try_for_each(|(_, value)| value.write("", out, offsets))
             }
             Value::Stamps(_) | Value::Samples(..) => {
                 let (kind, bytes) = self.numbers().unwrap_or_default();
                 out.write_all(&tag(kind, bytes))?;
                 let at = out.stream_position()?;
-                places.push(at);
+                offsets.push(at);
                 out.seek(SeekFrom::Start(at + padded(bytes))).map(|_| ())
             }
         }
@@ -274,7 +274,7 @@ pub(super) fn too_large(source: &dyn Source) -> Option<(String, u64)> {
 }
 
 /// Writes a file with a variable for each stream, and `escapement` for the information about the run.
-pub(super) fn write(source: &dyn Source, about: &About, file: &mut BufWriter<File>) -> Result<(), WriteError> {
+pub(super) fn write(source: &dyn Source, about: &Metadata, file: &mut BufWriter<File>) -> Result<(), WriteError> {
     let text = "MATLAB 5.0 MAT-file, written by Escapement";
     write!(file, "{text:<124}")?;
     file.write_all(&0x0100_u16.to_le_bytes())?;
@@ -288,41 +288,41 @@ pub(super) fn write(source: &dyn Source, about: &About, file: &mut BufWriter<Fil
     Value::Struct(known.collect()).write(&variables[0], file, &mut Vec::new())?;
     let mut all = Vec::new();
     for (stream, spec) in source.streams().iter().enumerate() {
-        let mut places = Vec::new();
+        let mut offsets = Vec::new();
         let value = variable(spec, &names[stream], source.count(stream));
-        value.write(&variables[1 + stream], file, &mut places)?;
-        all.push(places);
+        value.write(&variables[1 + stream], file, &mut offsets)?;
+        all.push(offsets);
     }
     file.flush()?;
     let mut file = file.get_ref();
     // The file may end with numbers that are not yet written.
     file.set_len(file.stream_position()?)?;
-    for (stream, places) in all.iter().enumerate() {
-        fill(source, stream, places, file)?;
+    for (stream, offsets) in all.iter().enumerate() {
+        write_numbers(source, stream, offsets, file)?;
     }
     Ok(())
 }
 
-/// Writes the numbers of a stream to their `places`: those of the stamps and of each field.
-fn fill(source: &dyn Source, stream: usize, places: &[u64], file: &File) -> Result<(), WriteError> {
+/// Writes the numbers of a stream to their `offsets`: those of the stamps and of each field.
+fn write_numbers(source: &dyn Source, stream: usize, offsets: &[u64], file: &File) -> Result<(), WriteError> {
     let spec = &source.streams()[stream];
     let (stride, samples) = (spec.stride(), source.count(stream));
     let stamps = Column {
         start: 0,
         size: 8,
-        at: places[0],
+        at: offsets[0],
         part: None,
         room: 0,
     };
     let mut columns = vec![stamps];
     let mut wide = Vec::new();
-    for (field, &at) in fields(spec).zip(&places[1..]) {
+    for (field, &at) in fields(spec).zip(&offsets[1..]) {
         let (start, size) = (8 + field.offset as usize, field.element.size());
-        let places = column_major(field);
+        let offsets = column_major(field);
         if let (Some(parts), each) = parts(field.element) {
-            let columns_of = (0..parts).flat_map(|part| places.iter().map(move |place| (part, place)));
-            columns.extend(columns_of.enumerate().map(|(number, (part, place))| Column {
-                start: start + place * size,
+            let columns_of = (0..parts).flat_map(|part| offsets.iter().map(move |offset| (part, offset)));
+            columns.extend(columns_of.enumerate().map(|(number, (part, offset))| Column {
+                start: start + offset * size,
                 size: each,
                 at: at + number as u64 * samples * each as u64,
                 part: Some(part),
@@ -331,11 +331,11 @@ fn fill(source: &dyn Source, stream: usize, places: &[u64], file: &File) -> Resu
             continue;
         }
         if is_wide(field) {
-            wide.push((start, size, places, at));
+            wide.push((start, size, offsets, at));
             continue;
         }
-        columns.extend(places.iter().enumerate().map(|(number, place)| Column {
-            start: start + place * size,
+        columns.extend(offsets.iter().enumerate().map(|(number, offset)| Column {
+            start: start + offset * size,
             size,
             at: at + number as u64 * samples * size as u64,
             part: None,
@@ -355,11 +355,11 @@ fn fill(source: &dyn Source, stream: usize, places: &[u64], file: &File) -> Resu
             }
             file.write_all_at(&bytes, column.at + first * column.size as u64)?;
         }
-        for (start, size, places, at) in &wide {
+        for (start, size, offsets, at) in &wide {
             for (record, number) in records.chunks_exact(stride).zip(first..) {
                 bytes.clear();
-                for place in places {
-                    let from = start + place * size;
+                for offset in offsets {
+                    let from = start + offset * size;
                     bytes.extend_from_slice(&record[from..from + size]);
                 }
                 file.write_all_at(&bytes, at + number * bytes.len() as u64)?;
@@ -402,14 +402,14 @@ impl Column {
 
 /// The row-major offsets (last dimension fastest) of the elements in column-major order (first dimension fastest).
 fn column_major(field: &Field) -> Vec<usize> {
-    let place = |mut number: usize| {
-        let mut place = 0;
+    let offset = |mut number: usize| {
+        let mut offset = 0;
         for &extent in &field.shape {
             let extent = extent as usize;
-            place = place * extent + number % extent;
+            offset = offset * extent + number % extent;
             number /= extent;
         }
-        place
+        offset
     };
-    (0..field.len()).map(place).collect()
+    (0..field.len()).map(offset).collect()
 }

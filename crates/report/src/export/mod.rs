@@ -26,8 +26,8 @@ use tape::Source;
 
 use crate::scene::Scene;
 pub use error::ExportError;
-pub use file::About;
-use file::whole_file;
+pub use file::Metadata;
+use file::write_complete_file;
 pub use mcap::Compression;
 pub use sheet::{Cells, Sheet, SheetColumn};
 
@@ -44,10 +44,10 @@ pub fn csv(source: &dyn Source, dir: &Path) -> Result<Vec<PathBuf>, ExportError>
 /// type per element. A field of more than 256 elements is one column: fixed-length bytes for `u8`, a fixed-length list for
 /// the other types. Unit, frame, field and shape of each column are in the column's metadata as Arrow readers show it, and
 /// `about` in that of the file, with the prefix `escapement.` on each key. Returns the files.
-pub fn parquet(source: &dyn Source, dir: &Path, about: &About) -> Result<Vec<PathBuf>, ExportError> {
+pub fn parquet(source: &dyn Source, dir: &Path, about: &Metadata) -> Result<Vec<PathBuf>, ExportError> {
     per_stream(source, dir, |source, stream, dir| {
         let path = dir.join(format!("{}.parquet", source.streams()[stream].name()));
-        whole_file(&path, |file| parquet::write(source, stream, about, file))?;
+        write_complete_file(&path, |file| parquet::write(source, stream, about, file))?;
         Ok(vec![path])
     })
 }
@@ -56,11 +56,11 @@ pub fn parquet(source: &dyn Source, dir: &Path, about: &About) -> Result<Vec<Pat
 /// the field's own type, with the samples along the first dimension (along the last one for fields of more than 256
 /// elements), `info` with name, unit and frame of each field, and the stream's name as `stream`. Names that MATLAB does not
 /// allow are changed. `about` is the struct `escapement`.
-pub fn mat(source: &dyn Source, path: &Path, about: &About) -> Result<(), ExportError> {
+pub fn mat(source: &dyn Source, path: &Path, about: &Metadata) -> Result<(), ExportError> {
     if let Some((stream, bytes)) = mat::too_large(source) {
         return Err(ExportError::TooLarge { stream, bytes });
     }
-    whole_file(path, |file| mat::write(source, about, file))
+    write_complete_file(path, |file| mat::write(source, about, file))
 }
 
 /// Writes one MCAP file with every stream as a topic `/participant/port` of a self-describing protobuf message, the poses
@@ -72,10 +72,10 @@ pub fn mcap(
     source: &dyn Source,
     path: &Path,
     scene: Option<&Scene>,
-    about: &About,
+    about: &Metadata,
     compression: Compression,
 ) -> Result<(), ExportError> {
-    whole_file(path, |file| mcap::write(source, scene, about, compression, file))
+    write_complete_file(path, |file| mcap::write(source, scene, about, compression, file))
 }
 
 fn per_stream(

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::csv::quoted;
 use super::error::ExportError;
-use super::file::{WriteError, whole_file};
+use super::file::{WriteError, write_complete_file};
 use super::parquet;
 use super::sheet::{Cells, Sheet};
 
@@ -17,7 +17,7 @@ impl Sheet {
     /// # Errors
     /// On an error of the file system.
     pub fn csv(&self, path: &Path) -> Result<(), ExportError> {
-        whole_file(path, |file| self.write_csv(file).map_err(WriteError::Io))
+        write_complete_file(path, |file| self.write_csv(file).map_err(WriteError::Io))
     }
 
     /// Writes the file `path` as Parquet: the same columns, with the units in the metadata `escapement.units` as well.
@@ -25,7 +25,7 @@ impl Sheet {
     /// # Errors
     /// On an error of the file system.
     pub fn parquet(&self, path: &Path) -> Result<(), ExportError> {
-        whole_file(path, |file| parquet::write_sheet(self, file).map_err(WriteError::Io))
+        write_complete_file(path, |file| parquet::write_sheet(self, file).map_err(WriteError::Io))
     }
 
     fn write_csv(&self, out: &mut BufWriter<File>) -> io::Result<()> {
@@ -49,7 +49,7 @@ mod tests {
     use crate::export::sheet::SheetColumn;
 
     #[test]
-    fn cells_keep_their_digits_and_gaps() {
+    fn sheet_cells_keep_digits_and_gaps() {
         let column = |name: &str, unit: &str, cells| SheetColumn {
             name: name.into(),
             unit: unit.into(),

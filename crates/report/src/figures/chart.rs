@@ -246,7 +246,7 @@ mod tests {
     use crate::figures::svg;
 
     #[test]
-    fn a_logarithmic_chart_takes_zeros_and_gaps() {
+    fn logarithmic_chart_accepts_zeros_and_gaps() {
         let chart = Chart {
             logarithmic: true,
             curves: vec![Curve {
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn decades_stand_at_even_distances_along_a_logarithmic_axis() {
+    fn logarithmic_axis_spaces_decades_evenly() {
         let curve = |stroke| Curve {
             name: String::new(),
             points: vec![[1e-2, 1.0], [1.0, 2.0], [1e2, 1.0]],

@@ -4,7 +4,7 @@ use super::axis::{extent, ticks};
 use super::colors::{COLORS, GRID, INK, LIMIT, SOFT};
 use super::drawing::{Anchor, Drawing};
 use crate::page::Series;
-use crate::view::{Axis, Drawn, best};
+use crate::view::{Axis, BoundFigure, best};
 
 const PANEL: [f32; 2] = [480.0, 260.0];
 const LEFT: f32 = 62.0;
@@ -25,7 +25,7 @@ pub(crate) struct Panel<'a> {
 }
 
 /// Panels side by side that share one vertical axis.
-pub(crate) fn layout(figure: &Drawn, panels: &[Panel<'_>]) -> Drawing {
+pub(crate) fn layout(figure: &BoundFigure, panels: &[Panel<'_>]) -> Drawing {
     let mut drawing = Drawing {
         width: panels.len().max(1) as f32 * PANEL[0],
         height: PANEL[1],
@@ -86,7 +86,7 @@ pub(crate) fn layout(figure: &Drawn, panels: &[Panel<'_>]) -> Drawing {
             let points = (0..series.y.len()).map(|k| [frame.x(series.x(k) / along), frame.y(series.y[k] / factor)]);
             let clip = Some([frame.left, frame.top, frame.right, frame.bottom]);
             let points = if series.step {
-                stairs(points.collect())
+                zero_order_hold(points.collect())
             } else {
                 points.collect()
             };
@@ -98,7 +98,7 @@ pub(crate) fn layout(figure: &Drawn, panels: &[Panel<'_>]) -> Drawing {
 }
 
 /// The limits that are drawn, and the others as text: a limit far from the curves would flatten them.
-fn limits(figure: &Drawn, peak: f64) -> (Vec<f64>, Vec<String>) {
+fn limits(figure: &BoundFigure, peak: f64) -> (Vec<f64>, Vec<String>) {
     let (near, far): (Vec<_>, Vec<_>) = figure.limits.iter().partition(|limit| limit.y.abs() <= 4.0 * peak);
     let mut values: Vec<f64> = near.iter().map(|limit| limit.y).collect();
     values.sort_by(f64::total_cmp);
@@ -128,7 +128,7 @@ fn widened((lo, hi): (f64, f64), margin: f64, factor: f64) -> (f64, f64) {
     }
 }
 
-fn heading(figure: &Drawn, unit: &str) -> String {
+fn heading(figure: &BoundFigure, unit: &str) -> String {
     let whole = match figure.signal {
         true => format!("{}.{}", figure.group, figure.title),
         false => figure.title.clone(),
@@ -151,7 +151,7 @@ fn named(name: &str, axis: &Axis, unit: &str) -> String {
 }
 
 /// The same points as a zero-order hold.
-fn stairs(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
+fn zero_order_hold(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     let mut out: Vec<[f32; 2]> = Vec::with_capacity(2 * points.len());
     for point in points {
         if let Some([_, y]) = out.last() {

@@ -197,7 +197,7 @@ mod tests {
     use crate::figures::{png, svg};
 
     #[test]
-    fn a_map_has_its_lowest_row_at_the_bottom() {
+    fn map_has_its_lowest_row_at_the_bottom() {
         let cell = |shade, text: &str| MapCell {
             shade,
             text: text.into(),

@@ -23,7 +23,7 @@ impl Budget {
 
     /// For each of `curves` curves of the automatic figures: the page of a tape with many of them has a bounded size. Where
     /// figures were `chosen`, the others have less.
-    pub(crate) fn among(curves: usize, chosen: bool) -> Budget {
+    pub(crate) fn for_curves(curves: usize, chosen: bool) -> Budget {
         let all = if chosen { BUDGET / 4 } else { BUDGET };
         let buckets = (all / curves.max(1) as u64).clamp(256, Budget::FULL.buckets);
         Budget {

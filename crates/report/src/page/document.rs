@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::run::{Run, merged};
+use super::run::{Run, merge_figures};
 use super::series::Series;
 use super::summary::{Row, outcome};
 use crate::markup::escape;
@@ -31,7 +31,7 @@ const SCRIPTS: [&str; 9] = [
 pub(crate) fn data(title: &str, runs: &[Run], rows: &[Row]) -> Value {
     json!({
         "title": title,
-        "figures": merged(runs),
+        "figures": merge_figures(runs),
         "runs": runs.iter().map(run).collect::<Vec<_>>(),
         "summary": rows,
     })
@@ -43,7 +43,7 @@ pub(crate) fn render(title: &str, data: &Value, live: bool) -> String {
     // Inside a script element only `</` and `<!` could end or disturb it; `<` never needs to be literal in JSON.
     let data = data.to_string().replace('<', "\\u003c");
     let connect = if live { "; connect-src 'self'" } else { "" };
-    filled(
+    fill_template(
         &TEMPLATE.replace("{{connect}}", connect),
         title,
         &[STYLE],
@@ -53,7 +53,7 @@ pub(crate) fn render(title: &str, data: &Value, live: bool) -> String {
 }
 
 /// A template with its placeholders filled in: `data` is JSON without `<`.
-pub(crate) fn filled(template: &str, title: &str, styles: &[&str], data: &str, scripts: &[&str]) -> String {
+pub(crate) fn fill_template(template: &str, title: &str, styles: &[&str], data: &str, scripts: &[&str]) -> String {
     let mut page = String::with_capacity(data.len() + 200_000);
     let mut rest = template;
     while let Some((before, after)) = rest.split_once("{{") {
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn base64_is_that_of_the_standard() {
+    fn base64_matches_rfc_4648() {
         for (text, expected) in [
             ("", ""),
             ("f", "Zg=="),

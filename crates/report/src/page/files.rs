@@ -32,7 +32,7 @@ impl PlanFile {
         let damaged = |line: Option<usize>, reason: &str| {
             let line = line.map(|line| format!("line {line}: ")).unwrap_or_default();
             let remedy = "put the plan of a copy of the run in its place, or move it away to do without a plan";
-            refused(&path, format!("{line}{reason}: {remedy}"))
+            file_error(&path, format!("{line}{reason}: {remedy}"))
         };
         let line_of = |at: usize| {
             bytes[..at.min(bytes.len())]
@@ -57,7 +57,7 @@ impl PlanFile {
 /// A file that cannot be read or is not JSON.
 pub fn read_json(path: &Path) -> Result<Value, ReportError> {
     match content(path)? {
-        Some(text) => serde_json::from_slice(&text).map_err(|error| refused(path, format!("is not JSON: {error}"))),
+        Some(text) => serde_json::from_slice(&text).map_err(|error| file_error(path, format!("is not JSON: {error}"))),
         None => Ok(Value::Null),
     }
 }
@@ -67,11 +67,11 @@ fn content(path: &Path) -> Result<Option<Vec<u8>>, ReportError> {
     match tape::read_regular(path) {
         Ok(bytes) => Ok(Some(bytes)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(refused(path, format!("cannot be read: {error}"))),
+        Err(error) => Err(file_error(path, format!("cannot be read: {error}"))),
     }
 }
 
-fn refused(path: &Path, reason: String) -> ReportError {
+fn file_error(path: &Path, reason: String) -> ReportError {
     ReportError::File {
         path: path.to_owned(),
         reason,
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_plan_that_cannot_be_read_is_refused_with_its_line() {
+    fn unreadable_plan_is_refused_with_its_line() {
         let root = std::env::temp_dir().join(format!("report-plans-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&root);
         std::fs::create_dir_all(&root).unwrap();
@@ -98,14 +98,14 @@ mod tests {
         ];
         for (bytes, line) in broken {
             std::fs::write(&path, bytes).unwrap();
-            let said = PlanFile::read(&folder).unwrap_err().to_string();
+            let error = PlanFile::read(&folder).unwrap_err().to_string();
             let parts = [&*path.to_string_lossy(), line, "copy of the run"];
-            assert!(parts.iter().all(|part| said.contains(part)), "{said}");
+            assert!(parts.iter().all(|part| error.contains(part)), "{error}");
         }
         std::fs::remove_file(&path).unwrap();
         std::fs::create_dir(&path).unwrap();
-        let said = PlanFile::read(&folder).unwrap_err().to_string();
-        assert!(said.contains("not a regular file"), "{said}");
+        let error = PlanFile::read(&folder).unwrap_err().to_string();
+        assert!(error.contains("not a regular file"), "{error}");
         std::fs::remove_dir_all(&root).unwrap();
     }
 }

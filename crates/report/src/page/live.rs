@@ -12,10 +12,10 @@ use serde_json::{Map, Value, json};
 use super::error::ReportError;
 use super::files::{PlanFile, read_json};
 use super::motion::MAX_FRAMES;
-use super::pictures::{Pictures, pictures};
 use super::report::Report;
 use super::run::{FigureData, Request, Run, marks_of, name_of};
-use super::series::{Evaluated, Series, whole};
+use super::series::{CurveEvaluator, Series, encode_index};
+use super::views::{BoundViews, bind_views};
 use super::{base64, document};
 use crate::view::{Binding, Views};
 use tape::folder::RunFolder;
@@ -29,26 +29,26 @@ pub struct Live {
     folder: PathBuf,
     reader: Reader,
     plan: PlanFile,
-    pictures: Pictures,
+    views: BoundViews,
     /// Every n-th sample of each stream is shown.
     strides: Vec<u64>,
     frames: u64,
 }
 
 /// The update of a stream for a page: how many of its points the page keeps, and the records that follow them.
-struct Missing {
+struct StreamUpdate {
     keep: u64,
     picks: Vec<u64>,
 }
 
 /// The page has `have` points of the grid; the newest record follows them, whether it is on the grid or not.
-fn missing(count: u64, stride: u64, have: u64) -> Missing {
+fn stream_update(count: u64, stride: u64, have: u64) -> StreamUpdate {
     let keep = have.min(count.div_ceil(stride));
     let mut picks: Vec<u64> = (keep * stride..count).step_by(stride as usize).collect();
     if let Some(newest) = count.checked_sub(1).filter(|newest| !newest.is_multiple_of(stride)) {
         picks.push(newest);
     }
-    Missing { keep, picks }
+    StreamUpdate { keep, picks }
 }
 
 impl Live {
@@ -67,12 +67,12 @@ impl Live {
         let strides = (0..reader.streams().len())
             .map(|stream| stride(stream, POINTS))
             .collect();
-        let pictures = pictures(reader.streams(), &plan.table, views, &[])?;
-        let scene = pictures.scene.as_ref();
+        let views = bind_views(reader.streams(), &plan.table, views, &[])?;
+        let scene = views.scene.as_ref();
         let frames = scene.map_or(1, |scene| stride(scene.lead, MAX_FRAMES));
         Ok(Live {
             folder: folder.to_owned(),
-            pictures,
+            views,
             plan,
             strides,
             frames,
@@ -80,19 +80,19 @@ impl Live {
         })
     }
 
-    /// Whether there is something to show: the first sample of the streams of the playback.
-    pub fn ready(&mut self) -> Result<bool, ReportError> {
+    /// Whether the streams of the playback have their first samples.
+    pub fn is_ready(&mut self) -> Result<bool, ReportError> {
         self.reader.refresh()?;
-        let lead = self.pictures.scene.as_ref().map(|scene| scene.lead);
+        let lead = self.views.scene.as_ref().map(|scene| scene.lead);
         Ok(lead.is_none_or(|lead| self.reader.count(lead) > 0))
     }
 
     /// The page with the present data. `about` describes the run to the page.
     pub fn page(&mut self, about: &Value) -> Result<String, ReportError> {
         self.reader.refresh()?;
-        let scene = match &self.pictures.scene {
+        let scene = match &self.views.scene {
             Some(scene) => {
-                let picks = missing(self.reader.count(scene.lead), self.frames, 0).picks;
+                let picks = stream_update(self.reader.count(scene.lead), self.frames, 0).picks;
                 let motion = scene.channels.at(&self.reader, scene.lead, &picks)?;
                 Some((scene.clone(), motion))
             }
@@ -102,8 +102,8 @@ impl Live {
             name: name_of(&self.folder),
             digest: String::new(),
             sealed: false,
-            notes: self.pictures.notes.clone(),
-            marks: marks_of(&self.pictures.marks, &[]),
+            notes: self.views.notes.clone(),
+            marks: marks_of(&self.views.marks, &[]),
             events: Vec::new(),
             figures: self.figures()?,
             participants: Vec::new(),
@@ -121,24 +121,24 @@ impl Live {
 
     /// The figures with all of their points.
     fn figures(&self) -> Result<Vec<FigureData>, ReportError> {
-        let drawn = self.pictures.bound.figures.iter().map(|drawn| FigureData {
+        let drawn = self.views.bound.figures.iter().map(|drawn| FigureData {
             drawn: drawn.clone(),
             series: Vec::new(),
             differences: Vec::new(),
         });
         let mut figures: Vec<FigureData> = drawn.collect();
-        for binding in &self.pictures.bound.bindings {
+        for binding in &self.views.bound.bindings {
             let lead = binding.streams[0];
             let spec = &self.reader.streams()[lead];
             let samples = self.reader.count(lead);
-            let picks = missing(samples, self.strides[lead], 0).picks;
+            let picks = stream_update(samples, self.strides[lead], 0).picks;
             let (x, curves) = self.curves(binding, &picks)?;
-            let index: Vec<u32> = picks.iter().map(|pick| whole(*pick)).collect();
-            for (place, y) in binding.places.iter().zip(curves) {
+            let index: Vec<u32> = picks.iter().map(|pick| encode_index(*pick)).collect();
+            for (curve, y) in binding.curves.iter().zip(curves) {
                 figures[binding.figure].series.push(Series {
-                    label: place.label.clone(),
+                    label: curve.label.clone(),
                     origin: binding.origin.clone(),
-                    step: place.step,
+                    step: curve.step,
                     offset_s: spec.offset.seconds(),
                     period_s: spec.period.seconds(),
                     index: Some(index.clone()),
@@ -156,10 +156,10 @@ impl Live {
     fn curves(&self, binding: &Binding, picks: &[u64]) -> Result<(Vec<f64>, Vec<Vec<f64>>), ReportError> {
         let lead = binding.streams[0];
         let spec = &self.reader.streams()[lead];
-        let mut curves = vec![Vec::with_capacity(picks.len()); binding.places.len()];
+        let mut curves = vec![Vec::with_capacity(picks.len()); binding.curves.len()];
         let (mut along, mut out) = (Vec::with_capacity(picks.len()), vec![0.0; curves.len()]);
         let mut record = vec![0; spec.stride()];
-        let mut evaluated = Evaluated::new(binding, &self.reader);
+        let mut evaluated = CurveEvaluator::new(binding, &self.reader);
         for &pick in picks {
             self.reader.read(lead, pick, &mut record)?;
             let payload = split_record(&record, 0).payload;
@@ -172,25 +172,25 @@ impl Live {
     }
 
     /// The update for a page that has `have[s]` points of each stream; the last number of `have` is its number of frames.
-    pub fn news(&mut self, have: &[u64]) -> Result<Value, ReportError> {
+    pub fn update(&mut self, have: &[u64]) -> Result<Value, ReportError> {
         self.reader.refresh()?;
         let had = |at: usize| have.get(at).copied().unwrap_or(0);
         let streams = 0..self.reader.streams().len();
-        let news: Vec<Missing> = streams
+        let updates: Vec<StreamUpdate> = streams
             .clone()
-            .map(|stream| missing(self.reader.count(stream), self.strides[stream], had(stream)))
+            .map(|stream| stream_update(self.reader.count(stream), self.strides[stream], had(stream)))
             .collect();
         let mut figures: Map<String, Value> = Map::new();
-        for binding in &self.pictures.bound.bindings {
+        for binding in &self.views.bound.bindings {
             let lead = binding.streams[0];
-            let Missing { keep, picks } = &news[lead];
+            let StreamUpdate { keep, picks } = &updates[lead];
             let numbers = |values: &[f64]| base64(values.iter().flat_map(|y| y.to_le_bytes()));
-            let index = base64(picks.iter().flat_map(|&pick| whole(pick).to_le_bytes()));
+            let index = base64(picks.iter().flat_map(|&pick| encode_index(pick).to_le_bytes()));
             let samples = self.reader.count(lead);
             let (along, curves) = self.curves(binding, picks)?;
             let x = binding.against.is_some().then(|| numbers(&along));
             for y in curves {
-                let id = &self.pictures.bound.figures[binding.figure].id;
+                let id = &self.views.bound.figures[binding.figure].id;
                 let list = figures.entry(id.clone()).or_insert_with(|| json!([]));
                 if let Value::Array(list) = list {
                     list.push(json!({ "keep": keep, "index": index, "x": x, "y": numbers(&y), "samples": samples }));
@@ -202,9 +202,9 @@ impl Live {
             .map(|stream| grid(self.reader.count(stream), self.strides[stream]))
             .collect();
         let mut motion = Value::Null;
-        if let Some(scene) = &self.pictures.scene {
+        if let Some(scene) = &self.views.scene {
             let count = self.reader.count(scene.lead);
-            let Missing { keep, picks } = missing(count, self.frames, had(have.len()));
+            let StreamUpdate { keep, picks } = stream_update(count, self.frames, had(have.len()));
             motion = document::motion(&scene.channels.at(&self.reader, scene.lead, &picks)?);
             motion["keep"] = json!(keep);
             have.push(grid(count, self.frames));
@@ -229,14 +229,14 @@ impl Live {
 
 #[cfg(test)]
 mod tests {
-    use super::missing;
+    use super::stream_update;
     use proptest::prelude::*;
 
     proptest! {
         /// Whatever points a page had, after the update it has every n-th sample and the newest one, each once and in
         /// order.
         #[test]
-        fn a_page_ends_up_with_the_grid_and_the_newest(
+        fn live_page_update_gives_grid_and_newest_sample(
             stride in 1_u64..20,
             counts in prop::collection::vec(0_u64..400, 1..8),
         ) {
@@ -244,9 +244,9 @@ mod tests {
             sorted.sort_unstable();
             let (mut page, mut have): (Vec<u64>, u64) = (Vec::new(), 0);
             for count in sorted {
-                let news = missing(count, stride, have);
-                page.truncate(news.keep as usize);
-                page.extend(&news.picks);
+                let update = stream_update(count, stride, have);
+                page.truncate(update.keep as usize);
+                page.extend(&update.picks);
                 have = count.div_ceil(stride);
                 let mut expected: Vec<u64> = (0..count).step_by(stride as usize).collect();
                 if count > 0 && expected.last() != Some(&(count - 1)) {
@@ -254,7 +254,7 @@ mod tests {
                 }
                 prop_assert_eq!(&page, &expected);
             }
-            prop_assert!(missing(3, stride, u64::MAX).picks.len() <= 1, "a page that claims too much");
+            prop_assert!(stream_update(3, stride, u64::MAX).picks.len() <= 1, "a page that claims too much");
         }
     }
 }

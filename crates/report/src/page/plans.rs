@@ -19,7 +19,7 @@ const LONG: usize = 120;
 
 /// Every key in which the plans differ, in the order of the keys. The path of the scenario is ignored.
 pub(crate) fn differences(plans: &[Table]) -> Vec<Difference> {
-    let flat: Vec<BTreeMap<String, String>> = plans.iter().map(flat).collect();
+    let flat: Vec<BTreeMap<String, String>> = plans.iter().map(flatten).collect();
     let keys: BTreeSet<&String> = flat.iter().flat_map(BTreeMap::keys).collect();
     let rows = keys.into_iter().filter(|key| *key != "folder").filter_map(|key| {
         let values: Vec<Option<&String>> = flat.iter().map(|plan| plan.get(key)).collect();
@@ -28,7 +28,7 @@ pub(crate) fn differences(plans: &[Table]) -> Vec<Difference> {
             key: key.clone(),
             values: values
                 .into_iter()
-                .map(|value| value.map_or_else(String::new, |value| shown(value)))
+                .map(|value| value.map_or_else(String::new, |value| shortened(value)))
                 .collect(),
         })
     });
@@ -62,7 +62,7 @@ pub(crate) fn names(differences: &[Difference]) -> Option<Vec<String>> {
     (told_apart && short).then_some(names)
 }
 
-fn shown(value: &str) -> String {
+fn shortened(value: &str) -> String {
     if value.len() <= LONG && !value.contains('\n') {
         return value.to_owned();
     }
@@ -74,7 +74,7 @@ fn shown(value: &str) -> String {
 }
 
 /// Every leaf of a plan under its dotted key; entries of a list are addressed by name or number.
-fn flat(plan: &Table) -> BTreeMap<String, String> {
+fn flatten(plan: &Table) -> BTreeMap<String, String> {
     let mut leaves = BTreeMap::new();
     for (key, value) in plan {
         leaf(key, value, &mut leaves);
@@ -109,7 +109,7 @@ fn leaf(key: &str, value: &Value, leaves: &mut BTreeMap<String, String>) {
 mod tests {
     use super::*;
 
-    fn told(plans: &[&str]) -> (Vec<String>, Option<Vec<String>>) {
+    fn text_of(plans: &[&str]) -> (Vec<String>, Option<Vec<String>>) {
         let plans: Vec<Table> = plans.iter().map(|plan| plan.parse().unwrap()).collect();
         let all = differences(&plans);
         (
@@ -121,8 +121,8 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_named_by_what_differs() {
-        let (rows, names) = told(&[
+    fn run_names_state_differing_keys() {
+        let (rows, names) = text_of(&[
             "folder = 'a'\n[participants.cart]\nperiod = '10 ms'\n[participants.cart.parameters]\nmass = 2",
             "folder = 'b'\n[participants.cart]\nperiod = '20ms'\n[participants.cart.parameters]\nmass = 2",
         ]);
@@ -131,9 +131,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_long_is_told() {
+    fn plan_difference_shows_missing_and_long_values() {
         let text = "line\n".repeat(40);
-        let (rows, names) = told(&[
+        let (rows, names) = text_of(&[
             &format!("[x]\nmodel = '''{text}'''\n[[faults]]\nname = 'stuck'\nat = '1 s'"),
             &format!("[x]\nmodel = '''{text}more'''"),
         ]);
@@ -146,6 +146,6 @@ mod tests {
             ]
         );
         assert_eq!(names, None);
-        assert_eq!(told(&["seed = 1", "seed = 1"]), (Vec::new(), None));
+        assert_eq!(text_of(&["seed = 1", "seed = 1"]), (Vec::new(), None));
     }
 }

@@ -8,11 +8,11 @@ use tape::Source;
 
 use super::error::ReportError;
 use super::plans::{self, Difference};
-use super::run::{Request, Run, merged, read_run, subtract};
+use super::run::{Request, Run, add_differences, merge_figures, read_run};
 use super::series::Series;
 use super::{document, summary};
 use crate::figures::{self, Panel};
-use crate::view::Drawn;
+use crate::view::BoundFigure;
 
 /// Pixels per point of the figures' PNG files: sharp on a slide.
 const PIXELS_PER_POINT: f32 = 2.5;
@@ -38,7 +38,7 @@ impl Report {
         for folder in request.folders {
             let (reader, bound, mut run) = read_run(folder, request)?;
             if let Some((reference, its)) = &first {
-                subtract((reference, its), (&reader, &bound), &mut run)?;
+                add_differences((reference, its), (&reader, &bound), &mut run)?;
             }
             let plan = &run.plan.table;
             headline.extend(
@@ -113,12 +113,12 @@ impl Report {
     }
 
     /// The figures of all runs, those of the first run first, with the limits of all.
-    fn figures(&self) -> Vec<Drawn> {
-        merged(&self.runs)
+    fn figures(&self) -> Vec<BoundFigure> {
+        merge_figures(&self.runs)
     }
 
     /// One panel for all runs, or one for each where several curves of several runs would overlap.
-    fn draw(&self, figure: &Drawn) -> figures::Drawing {
+    fn draw(&self, figure: &BoundFigure) -> figures::Drawing {
         let mine = |run: &'_ Run| run.figures.iter().position(|one| one.drawn.id == figure.id);
         let lists: Vec<(&Run, &[Series])> = self
             .runs

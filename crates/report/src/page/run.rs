@@ -10,11 +10,11 @@ use super::budget::Budget;
 use super::error::ReportError;
 use super::files::{PlanFile, read_json};
 use super::motion;
-use super::pictures::{Pictures, pictures};
 use super::series::{self, Series};
 use super::times::{self, ParticipantTime};
+use super::views::{BoundViews, bind_views};
 use crate::scene::{BoundScene, Motion};
-use crate::view::{Bound, Drawn, Views};
+use crate::view::{BoundFigure, BoundFigures, Views};
 use tape::folder::RunFolder;
 use tape::{Event, Reader, Source};
 
@@ -37,7 +37,7 @@ pub(crate) struct Run {
 
 /// A figure with the curves of one run.
 pub(crate) struct FigureData {
-    pub(super) drawn: Drawn,
+    pub(super) drawn: BoundFigure,
     pub(super) series: Vec<Series>,
     /// The differences from the first run, at this run's instants.
     pub(super) differences: Vec<Series>,
@@ -65,8 +65,8 @@ pub struct Request<'a> {
 }
 
 /// The figures of all runs.
-pub(super) fn merged(runs: &[Run]) -> Vec<Drawn> {
-    let mut all: Vec<Drawn> = Vec::new();
+pub(super) fn merge_figures(runs: &[Run]) -> Vec<BoundFigure> {
+    let mut all: Vec<BoundFigure> = Vec::new();
     for figure in runs.iter().flat_map(|run| &run.figures) {
         match all.iter_mut().find(|one| one.id == figure.drawn.id) {
             None => all.push(figure.drawn.clone()),
@@ -85,18 +85,18 @@ pub(super) fn merged(runs: &[Run]) -> Vec<Drawn> {
 }
 
 /// The maximum number of points of the curves of each figure.
-fn budgets(bound: &Bound, chosen: Budget) -> impl Fn(usize) -> Budget {
+fn budgets(bound: &BoundFigures, chosen: Budget) -> impl Fn(usize) -> Budget {
     let signal: Vec<bool> = bound.figures.iter().map(|figure| figure.signal).collect();
     let curves = bound.bindings.iter().filter(|binding| signal[binding.figure]);
-    let count = curves.map(|binding| binding.places.len()).sum();
-    let others = Budget::among(count, signal.contains(&false));
+    let count = curves.map(|binding| binding.curves.len()).sum();
+    let others = Budget::for_curves(count, signal.contains(&false));
     move |figure| if signal[figure] { others } else { chosen }
 }
 
 /// Adds to the figures of `run` their differences from the reference.
-pub(super) fn subtract(
-    (reference, its): (&Reader, &Bound),
-    (reader, bound): (&Reader, &Bound),
+pub(super) fn add_differences(
+    (reference, its): (&Reader, &BoundFigures),
+    (reader, bound): (&Reader, &BoundFigures),
     run: &mut Run,
 ) -> Result<(), ReportError> {
     let all = series::differences((reference, its), (reader, bound), budgets(its, Budget::HALF))?;
@@ -108,13 +108,13 @@ pub(super) fn subtract(
     Ok(())
 }
 
-pub(super) fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bound, Run), ReportError> {
+pub(super) fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, BoundFigures, Run), ReportError> {
     let reader = Reader::open(root)?;
     let folder = RunFolder::open(root);
     let plan = PlanFile::read(&folder)?;
     let summary = read_json(&folder.summary())?;
-    let made = pictures(reader.streams(), &plan.table, request.views, request.models)?;
-    let Pictures {
+    let made = bind_views(reader.streams(), &plan.table, request.views, request.models)?;
+    let BoundViews {
         bound,
         marks,
         scene,

@@ -3,11 +3,11 @@
 use tape::{ReadError, Record, Records, Source};
 
 use super::budget::Budget;
-use super::held::Held;
-use crate::view::{Binding, Bound};
+use super::resampled::Resampled;
+use crate::view::{Binding, BoundFigures};
 
 /// Maximum number of points of a curve that is computed, or drawn against another one: evenly spaced.
-const EVENLY: u64 = 2048;
+const EVEN_POINTS_MAX: u64 = 2048;
 
 /// One curve of a figure.
 #[derive(Debug, Clone)]
@@ -49,7 +49,7 @@ impl Series {
 }
 
 /// Collects one curve; keeps every sample, or the extremes of each bucket.
-pub(super) struct Thinner {
+pub(super) struct MinMaxDecimator {
     bucket: u64,
     index: Vec<u32>,
     y: Vec<f64>,
@@ -57,9 +57,9 @@ pub(super) struct Thinner {
     high: (u64, f64),
 }
 
-impl Thinner {
-    pub(super) fn new(count: u64, budget: Budget) -> Thinner {
-        Thinner {
+impl MinMaxDecimator {
+    pub(super) fn new(count: u64, budget: Budget) -> MinMaxDecimator {
+        MinMaxDecimator {
             bucket: if count <= budget.samples {
                 1
             } else {
@@ -105,29 +105,29 @@ impl Thinner {
             &[first, second][..]
         };
         for (at, y) in points {
-            self.index.push(whole(*at));
+            self.index.push(encode_index(*at));
             self.y.push(*y);
         }
     }
 }
 
 /// The values of a binding's curves at the samples of its leading stream, in the figure's unit.
-pub(super) struct Evaluated<'a> {
+pub(super) struct CurveEvaluator<'a> {
     binding: &'a Binding,
     /// The other streams.
-    held: Vec<Held<'a>>,
+    resampled: Vec<Resampled<'a>>,
 }
 
-impl<'a> Evaluated<'a> {
-    pub(super) fn new(binding: &'a Binding, source: &'a dyn Source) -> Evaluated<'a> {
-        Evaluated::at_instants_of(binding, source, &source.streams()[binding.streams[0]])
+impl<'a> CurveEvaluator<'a> {
+    pub(super) fn new(binding: &'a Binding, source: &'a dyn Source) -> CurveEvaluator<'a> {
+        CurveEvaluator::at_instants_of(binding, source, &source.streams()[binding.streams[0]])
     }
 
     /// The same at the samples of the stream `lead` of another run.
-    fn at_instants_of(binding: &'a Binding, source: &'a dyn Source, lead: &tape::StreamSpec) -> Evaluated<'a> {
+    fn at_instants_of(binding: &'a Binding, source: &'a dyn Source, lead: &tape::StreamSpec) -> CurveEvaluator<'a> {
         let others = binding.streams[1..].iter();
-        Evaluated {
-            held: others.map(|stream| Held::new(source, *stream, lead)).collect(),
+        CurveEvaluator {
+            resampled: others.map(|stream| Resampled::new(source, *stream, lead)).collect(),
             binding,
         }
     }
@@ -135,13 +135,13 @@ impl<'a> Evaluated<'a> {
     /// The values at the sample `index`, at which the binding's first stream has `payload`; returns the value of the
     /// horizontal axis.
     pub(super) fn values(&mut self, index: u64, payload: Option<&[u8]>, out: &mut [f64]) -> Result<f64, ReadError> {
-        if self.held.is_empty() {
+        if self.resampled.is_empty() {
             return Ok(evaluate(self.binding, &[payload], out));
         }
-        let mut payloads: Vec<Option<&[u8]>> = Vec::with_capacity(1 + self.held.len());
+        let mut payloads: Vec<Option<&[u8]>> = Vec::with_capacity(1 + self.resampled.len());
         payloads.push(payload);
-        for held in &mut self.held {
-            payloads.push(held.at(index)?);
+        for resampled in &mut self.resampled {
+            payloads.push(resampled.at(index)?);
         }
         let binding = self.binding;
         Ok(evaluate(binding, &payloads, out))
@@ -160,21 +160,21 @@ fn evaluate(binding: &Binding, payloads: &[Option<&[u8]>], out: &mut [f64]) -> f
 }
 
 /// A binding with the curves collected so far.
-struct Collected<'a> {
+struct CurveCollector<'a> {
     binding: &'a Binding,
-    evaluated: Evaluated<'a>,
+    evaluated: CurveEvaluator<'a>,
     /// The same of another run, from which this one is subtracted, and its leading stream there.
-    other: Option<(Evaluated<'a>, usize)>,
+    other: Option<(CurveEvaluator<'a>, usize)>,
     /// Only every n-th sample is evaluated.
     stride: u64,
-    thinners: Vec<Thinner>,
+    decimators: Vec<MinMaxDecimator>,
     x: Vec<f64>,
 }
 
 /// The curves of all figures of `bound`, in the order of the figures.
 pub(crate) fn extract(
     source: &dyn Source,
-    bound: &Bound,
+    bound: &BoundFigures,
     budget: impl Fn(usize) -> Budget,
 ) -> Result<Vec<Vec<Series>>, ReadError> {
     let pairs = bound.bindings.iter().map(|binding| (binding, None)).collect();
@@ -184,8 +184,8 @@ pub(crate) fn extract(
 /// The curves of another run minus those of this one, at the samples of this one. A figure that the other run does not have
 /// in the same form has none.
 pub(crate) fn differences(
-    (source, bound): (&dyn Source, &Bound),
-    (other, others): (&dyn Source, &Bound),
+    (source, bound): (&dyn Source, &BoundFigures),
+    (other, others): (&dyn Source, &BoundFigures),
     budget: impl Fn(usize) -> Budget,
 ) -> Result<Vec<Vec<Series>>, ReadError> {
     let mut pairs = Vec::new();
@@ -201,11 +201,11 @@ pub(crate) fn differences(
         let theirs: Vec<&Binding> = others.bindings.iter().filter(|b| b.figure == there).collect();
         let labels = |list: &[&Binding]| {
             list.iter()
-                .flat_map(|b| b.places.iter().map(|p| p.label.clone()))
+                .flat_map(|b| b.curves.iter().map(|p| p.label.clone()))
                 .collect::<Vec<_>>()
         };
         let alike = mine.len() == theirs.len() && labels(&mine) == labels(&theirs);
-        if alike && mine.iter().zip(&theirs).all(|(a, b)| a.places.len() == b.places.len()) {
+        if alike && mine.iter().zip(&theirs).all(|(a, b)| a.curves.len() == b.curves.len()) {
             pairs.extend(mine.into_iter().zip(theirs.into_iter().map(Some)));
         }
     }
@@ -219,19 +219,23 @@ fn collect<'a>(
     figures: usize,
     budget: impl Fn(usize) -> Budget,
 ) -> Result<Vec<Vec<Series>>, ReadError> {
-    let mut all: Vec<Collected<'a>> = bindings
+    let mut all: Vec<CurveCollector<'a>> = bindings
         .into_iter()
         .map(|(binding, theirs)| {
             let lead = &source.streams()[binding.streams[0]];
             let other = reference.zip(theirs);
-            let other = other.map(|(other, b)| (Evaluated::at_instants_of(b, other, lead), b.streams[0]));
+            let other = other.map(|(other, b)| (CurveEvaluator::at_instants_of(b, other, lead), b.streams[0]));
             let count = source.count(binding.streams[0]);
             let evenly = binding.evaluate.is_slow() || binding.against.is_some();
-            let stride = if evenly { count.div_ceil(EVENLY).max(1) } else { 1 };
-            let thinner = || Thinner::new(count.div_ceil(stride), budget(binding.figure));
-            Collected {
-                evaluated: Evaluated::new(binding, source),
-                thinners: binding.places.iter().map(|_| thinner()).collect(),
+            let stride = if evenly {
+                count.div_ceil(EVEN_POINTS_MAX).max(1)
+            } else {
+                1
+            };
+            let new_decimator = || MinMaxDecimator::new(count.div_ceil(stride), budget(binding.figure));
+            CurveCollector {
+                evaluated: CurveEvaluator::new(binding, source),
+                decimators: binding.curves.iter().map(|_| new_decimator()).collect(),
                 x: Vec::new(),
                 other,
                 stride,
@@ -240,7 +244,8 @@ fn collect<'a>(
         })
         .collect();
     for stream in 0..source.streams().len() {
-        let mut mine: Vec<&mut Collected<'a>> = all.iter_mut().filter(|one| one.binding.streams[0] == stream).collect();
+        let mut mine: Vec<&mut CurveCollector<'a>> =
+            all.iter_mut().filter(|one| one.binding.streams[0] == stream).collect();
         if !mine.is_empty() {
             scan(source, reference, stream, &mut mine)?;
         }
@@ -249,23 +254,23 @@ fn collect<'a>(
     for one in all {
         let spec = &source.streams()[one.binding.streams[0]];
         let samples = source.count(one.binding.streams[0]);
-        let evenly = |count: usize| (0..count as u64).map(|k| whole(k * one.stride)).collect();
+        let evenly = |count: usize| (0..count as u64).map(|k| encode_index(k * one.stride)).collect();
         let xy = one.binding.against.is_some();
-        for (thin, place) in one.thinners.into_iter().zip(&one.binding.places) {
-            let index = match (one.stride > 1, thin.bucket > 1) {
-                (true, _) => Some(evenly(thin.y.len())),
-                (false, true) => Some(thin.index),
+        for (decimator, curve) in one.decimators.into_iter().zip(&one.binding.curves) {
+            let index = match (one.stride > 1, decimator.bucket > 1) {
+                (true, _) => Some(evenly(decimator.y.len())),
+                (false, true) => Some(decimator.index),
                 (false, false) => None,
             };
             out[one.binding.figure].push(Series {
-                label: place.label.clone(),
+                label: curve.label.clone(),
                 origin: one.binding.origin.clone(),
-                step: place.step,
+                step: curve.step,
                 offset_s: spec.offset.seconds(),
                 period_s: spec.period.seconds(),
                 index,
                 first_index: spec.first_index,
-                y: thin.y,
+                y: decimator.y,
                 x: xy.then(|| one.x.clone()),
                 samples,
             });
@@ -275,7 +280,7 @@ fn collect<'a>(
 }
 
 /// The number of a record in the page's encoding.
-pub(super) fn whole(record: u64) -> u32 {
+pub(super) fn encode_index(record: u64) -> u32 {
     u32::try_from(record).unwrap_or(u32::MAX)
 }
 
@@ -283,26 +288,26 @@ fn scan(
     source: &dyn Source,
     other: Option<&dyn Source>,
     stream: usize,
-    all: &mut [&mut Collected<'_>],
+    all: &mut [&mut CurveCollector<'_>],
 ) -> Result<(), ReadError> {
     // Each stream of the other run is read once for all curves.
-    let mut foreign: Vec<(usize, Held<'_>)> = Vec::new();
+    let mut foreign: Vec<(usize, Resampled<'_>)> = Vec::new();
     for (_, theirs) in all.iter().filter_map(|one| one.other.as_ref()) {
         if let (Some(other), false) = (other, foreign.iter().any(|(known, _)| known == theirs)) {
-            foreign.push((*theirs, Held::new(other, *theirs, &source.streams()[stream])));
+            foreign.push((*theirs, Resampled::new(other, *theirs, &source.streams()[stream])));
         }
     }
-    let widest = all.iter().map(|one| one.thinners.len()).max().unwrap_or(0);
+    let widest = all.iter().map(|one| one.decimators.len()).max().unwrap_or(0);
     let (mut out, mut theirs) = (vec![0.0; widest], vec![0.0; widest]);
     let mut records = Records::new(source, stream);
     let mut number = 0;
     while let Some(Record { index, payload, .. }) = records.next()? {
         let mut seen = Vec::with_capacity(foreign.len());
-        for (theirs, held) in &mut foreign {
-            seen.push((*theirs, held.at(index)?));
+        for (theirs, resampled) in &mut foreign {
+            seen.push((*theirs, resampled.at(index)?));
         }
         for one in all.iter_mut().filter(|one| u64::is_multiple_of(number, one.stride)) {
-            let out = &mut out[..one.thinners.len()];
+            let out = &mut out[..one.decimators.len()];
             let x = one.evaluated.values(index, Some(payload), out)?;
             if let Some((other, stream)) = &mut one.other {
                 let theirs = &mut theirs[..out.len()];
@@ -316,15 +321,15 @@ fn scan(
             if one.binding.against.is_some() {
                 one.x.push(x);
             }
-            for (thin, y) in one.thinners.iter_mut().zip(&*out) {
-                thin.push(number / one.stride, *y);
+            for (decimator, y) in one.decimators.iter_mut().zip(&*out) {
+                decimator.push(number / one.stride, *y);
             }
         }
         number += 1;
     }
     for one in all {
         let count = number.div_ceil(one.stride);
-        one.thinners.iter_mut().for_each(|thin| thin.close(count));
+        one.decimators.iter_mut().for_each(|decimator| decimator.close(count));
     }
     Ok(())
 }
@@ -368,7 +373,7 @@ mod tests {
 
     fn first_curve(values: &[f64], first_index: u64) -> Series {
         let tape = tape(values, first_index);
-        let mut bound = Bound::default();
+        let mut bound = BoundFigures::default();
         bind(&every_field(tape.streams()), tape.streams(), &[], true, &mut bound);
         let figures = extract(&tape, &bound, |_| Budget::FULL).unwrap();
         assert_eq!((figures.len(), &*bound.figures[0].id), (1, "plant.truth.p_NB_N"));
@@ -377,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_curve_keeps_every_sample() {
+    fn short_curve_keeps_every_sample() {
         let values: Vec<f64> = (0..500).map(|k| f64::from(k).sin()).collect();
         let series = first_curve(&values, 7);
         assert_eq!((&series.y, series.samples, &*series.label), (&values, 500, "x"));
@@ -386,13 +391,13 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_stream_has_an_empty_curve() {
+    fn empty_stream_has_empty_curve() {
         assert_eq!(first_curve(&[], 0).y.len(), 0);
     }
 
     /// Two streams: `a` every 3 ms from 1 ms on, `b` every 10 ms; their difference at the samples of `a` follows the delivery rule.
     #[test]
-    fn a_difference_reads_the_other_stream_by_the_delivery_rule() {
+    fn difference_resamples_other_stream_by_delivery_rule() {
         let descriptor = Descriptor {
             name: "X".into(),
             size: 8,
@@ -439,7 +444,7 @@ mod tests {
             .parse()
             .unwrap();
         let view = View::read(&table).unwrap();
-        let mut bound = Bound::default();
+        let mut bound = BoundFigures::default();
         bind(&view.figures, tape.streams(), &[], false, &mut bound);
         let curve = extract(&tape, &bound, |_| Budget::FULL).unwrap().remove(0).remove(0);
         for (k, y) in curve.y.iter().enumerate() {
@@ -463,7 +468,7 @@ mod tests {
 
         /// Every point of a thinned curve is a sample at its own stamp, in order, and every bucket keeps its extremes.
         #[test]
-        fn a_long_curve_keeps_its_peaks(seed in any::<u32>(), count in 8193_usize..30_000, peak in any::<prop::sample::Index>()) {
+        fn long_curve_keeps_its_peaks(seed in any::<u32>(), count in 8193_usize..30_000, peak in any::<prop::sample::Index>()) {
             let mut values: Vec<f64> = (0..count)
                 .map(|k| (k as f64 * 1e-3 + f64::from(seed)).sin() + (k as u32).wrapping_mul(seed | 1) as f64 * 1e-11)
                 .collect();

@@ -84,7 +84,10 @@ pub(crate) fn rows(summaries: &[Value], first: &[String]) -> Vec<Row> {
         for (key, value) in leaves {
             let at = rows.iter().position(|row| row.key == key).unwrap_or_else(|| {
                 let measure = key.strip_prefix(MEASURES);
-                let (label, unit) = measure.map_or_else(|| name(&key), |own| (name(&own.replace('-', "_")).0, ""));
+                let (label, unit) = measure.map_or_else(
+                    || label_and_unit(&key),
+                    |own| (label_and_unit(&own.replace('-', "_")).0, ""),
+                );
                 rows.push(Row {
                     label,
                     unit: unit.to_owned(),
@@ -108,7 +111,7 @@ pub(crate) fn rows(summaries: &[Value], first: &[String]) -> Vec<Row> {
                     (value, _) => text(value),
                 };
             }
-            if let Some(Judged {
+            if let Some(CriterionResult {
                 criterion,
                 value,
                 unit,
@@ -148,7 +151,7 @@ fn flatten(prefix: &str, value: &Value, leaves: &mut Vec<(String, Value)>) {
 }
 
 /// A figure with its criterion, in the unit in which the criterion is stated.
-struct Judged {
+struct CriterionResult {
     criterion: String,
     value: String,
     unit: String,
@@ -157,23 +160,23 @@ struct Judged {
 
 /// `criteria` of a summary is a list of `{ name, value, limit, unit, met }`; the name is that of the figure without its
 /// unit.
-fn criterion(summary: &Value, key: &str) -> Option<Judged> {
+fn criterion(summary: &Value, key: &str) -> Option<CriterionResult> {
     let key = key.strip_prefix(MEASURES).unwrap_or(key);
     let (stem, _) = split_unit(key);
     let all = summary.get("criteria")?.as_array()?;
     let entry = all.iter().find(|c| c["name"] == stem || c["name"] == key)?;
     let unit = entry["unit"].as_str().filter(|unit| *unit != "1").unwrap_or_default();
-    let bound = |name: &str| entry[name].as_f64().map(short);
+    let bound = |name: &str| entry[name].as_f64().map(five_digits);
     let words = match (bound("at_least"), bound("limit")) {
         (Some(least), Some(most)) => format!("from {least} to {most} {unit}"),
         (Some(least), None) => format!("at least {least} {unit}"),
         (None, Some(most)) => format!("at most {most} {unit}"),
         (None, None) => return None,
     };
-    Some(Judged {
+    Some(CriterionResult {
         criterion: words.trim_end().to_owned(),
         value: match (entry["value"].as_f64(), entry["reason"].as_str()) {
-            (Some(value), _) => short(value),
+            (Some(value), _) => five_digits(value),
             (None, Some(reason)) => format!("not measured: {reason}"),
             (None, None) => "not measured".to_owned(),
         },
@@ -188,7 +191,7 @@ pub fn split_unit(key: &str) -> (&str, &'static str) {
     UNITS.iter().find_map(known).unwrap_or((key, ""))
 }
 
-fn name(key: &str) -> (String, &'static str) {
+fn label_and_unit(key: &str) -> (String, &'static str) {
     let (stem, unit) = split_unit(key);
     let words = stem.replace(['_', '.'], " ");
     let mut letters = words.chars();
@@ -202,14 +205,14 @@ fn text(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Bool(yes) => if *yes { "yes" } else { "no" }.to_owned(),
-        Value::Number(number) => number.as_f64().map_or_else(|| number.to_string(), short),
-        Value::Array(items) => items.iter().map(terse).collect::<Vec<_>>().join(", "),
+        Value::Number(number) => number.as_f64().map_or_else(|| number.to_string(), five_digits),
+        Value::Array(items) => items.iter().map(round_list_number).collect::<Vec<_>>().join(", "),
         other => other.to_string(),
     }
 }
 
 /// A number of a list, rounded: only the magnitudes of lists matter.
-fn terse(value: &Value) -> String {
+fn round_list_number(value: &Value) -> String {
     match value.as_f64() {
         Some(x) if x != 0.0 && x.abs() < 1e-4 => format!("{x:.1e}"),
         Some(x) => format!("{x:.3}").trim_end_matches('0').trim_end_matches('.').to_owned(),
@@ -218,7 +221,7 @@ fn terse(value: &Value) -> String {
 }
 
 /// Five significant digits, without an exponent where a reader would not expect one.
-fn short(x: f64) -> String {
+fn five_digits(x: f64) -> String {
     if x == x.trunc() && x.abs() < 1e7 {
         return format!("{x}");
     }
@@ -236,7 +239,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn keys_become_words_with_units() {
+    fn summary_keys_become_labels_with_units() {
         let a = json!({"landed": true, "peak_torque_n_m": 0.073_912_34, "idle_fraction": 0.0,
             "criteria": [{"name": "peak_torque", "value": 73.912_34, "limit": 200, "unit": "mN m", "met": true}], "tape_digest": "x"});
         let b = json!({"landed": false, "wall_time_s": 1.0});
@@ -255,12 +258,12 @@ mod tests {
     }
 
     #[test]
-    fn measures_have_rows_with_their_criteria() {
+    fn measure_rows_have_their_criteria() {
         let summary = json!({"ending": {"status": "complete"},
             "measures": {"over_shoot": {"value": 2.5, "unit": "mm"}, "late": {"value": null, "unit": "s", "reason": "never"}},
             "criteria": [{"name": "over_shoot", "value": 2.5, "limit": 2, "at_least": -1, "unit": "mm", "met": false}]});
         let rows = rows(&[summary], &[]);
-        let told = |key: &str| {
+        let text_of = |key: &str| {
             let row = rows.iter().find(|row| row.key == key).unwrap();
             format!(
                 "{} {} {} ({}) {:?} {}",
@@ -268,30 +271,30 @@ mod tests {
             )
         };
         assert_eq!(
-            told("measures.over_shoot"),
+            text_of("measures.over_shoot"),
             "Over shoot 2.5 mm (from -1 to 2 mm) Some(false) true"
         );
-        assert_eq!(told("measures.late"), "Late not measured: never s () None true");
+        assert_eq!(text_of("measures.late"), "Late not measured: never s () None true");
     }
 
     #[test]
-    fn the_outcome_is_told_in_words() {
-        let told = |summary: Value| {
+    fn outcome_text_states_ending_and_criteria() {
+        let text_of = |summary: Value| {
             outcome(&summary)
                 .map(|(text, good)| format!("{text}, {good}"))
                 .unwrap_or_default()
         };
-        assert_eq!(told(json!({"ending": {"status": "complete"}})), "complete, true");
+        assert_eq!(text_of(json!({"ending": {"status": "complete"}})), "complete, true");
         assert_eq!(
-            told(json!({"ending": {"status": "complete"}, "criteria": [{"met": false}]})),
+            text_of(json!({"ending": {"status": "complete"}, "criteria": [{"met": false}]})),
             "not met, false"
         );
-        assert_eq!(told(json!({"ending": {"status": "failed"}})), "failed, false");
-        assert_eq!(told(Value::Null), "");
+        assert_eq!(text_of(json!({"ending": {"status": "failed"}})), "failed, false");
+        assert_eq!(text_of(Value::Null), "");
     }
 
     #[test]
-    fn numbers_are_short() {
+    fn summary_numbers_have_five_digits() {
         for (x, expected) in [
             (1.1e-4, "0.00011"),
             (1.234_567_8e-7, "1.2346e-7"),
@@ -299,7 +302,7 @@ mod tests {
             (-0.5, "-0.5"),
             (1e300, "1.0000e300"),
         ] {
-            assert_eq!(short(x), expected);
+            assert_eq!(five_digits(x), expected);
         }
     }
 }

@@ -60,7 +60,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    fn told(time: &ParticipantTime) -> String {
+    fn text_of(time: &ParticipantTime) -> String {
         let waiting: Vec<String> = time.waiting.iter().map(|(on, s)| format!("{on} {s:.2}")).collect();
         format!(
             "{:.2}, {}, outside {:.2}",
@@ -71,18 +71,18 @@ mod tests {
     }
 
     #[test]
-    fn parts_add_up_to_the_wall_time() {
+    fn time_parts_add_up_to_wall_time() {
         let summary = json!({ "wall_time_s": 9.0, "timing": {
             "paced": { "total_ns": 2_000_000_000_u64, "inputs_ns": { "b.out": 250_000_000 }, "room_ns": 0, "recorder_ns": 0, "horizon_ns": 6_500_000_000_u64 },
             "quick": { "total_ns": 5_000_000_000_u64, "inputs_ns": [1_000_000_000, 500_000_000], "room_ns": 250_000_000, "recorder_ns": 0, "horizon_ns": 7_000_000_000_u64 },
         }});
         let times = participants(&summary);
         assert_eq!(
-            told(&times[0]),
+            text_of(&times[0]),
             "1.75, b.out 0.25, room at a reader 0.00, the recorder 0.00, the clock 6.50, outside 0.50"
         );
         assert_eq!(
-            told(&times[1]),
+            text_of(&times[1]),
             "3.25, input 1 1.00, input 2 0.50, room at a reader 0.25, the recorder 0.00, the clock 4.00, outside 0.00"
         );
         for time in &times {

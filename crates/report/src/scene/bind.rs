@@ -4,7 +4,7 @@ use lockstep::units;
 use serde::Serialize;
 use tape::StreamSpec;
 
-use super::channel::{Channel, Channels, Meaning, Part};
+use super::channel::{Channel, ChannelElement, ChannelKind, Channels};
 use super::model::Model;
 use super::types::{Arrow, Attitude, Axes, Body, Camera, Component, Position, Scene, Shape, Towards};
 use crate::view::{Mistake, Signal};
@@ -172,8 +172,8 @@ impl BoundScene {
 }
 
 /// Elements of a field in the unit of a channel.
-struct Found {
-    parts: Vec<Part>,
+struct FieldElements {
+    parts: Vec<ChannelElement>,
     frame: String,
     name: String,
     unit: String,
@@ -191,10 +191,10 @@ impl Binder<'_> {
     fn body(&mut self, body: &Body) -> Option<BoundBody> {
         let key = |part: &str| format!("bodies.{}.{part}", body.name);
         let position = self.position(&body.position);
-        let position = self.kept(key("position"), position);
+        let position = self.record_mistake(key("position"), position);
         let attitude = body.attitude.as_ref().map(|attitude| {
             let attitude = self.attitude(attitude);
-            self.kept(key("attitude"), attitude)
+            self.record_mistake(key("attitude"), attitude)
         });
         let complete = position.is_some() && attitude != Some(None);
         let still = |one: &Component| matches!(one, Component::Fixed(_));
@@ -236,7 +236,7 @@ impl Binder<'_> {
                 }
             };
             if let Err((part, reason)) = made {
-                self.kept::<()>(key(part), Err(reason));
+                self.record_mistake::<()>(key(part), Err(reason));
             }
         }
         if !solids.is_empty() {
@@ -249,15 +249,17 @@ impl Binder<'_> {
     }
 
     /// Returns the value of a result; records an error as a mistake.
-    fn kept<T>(&mut self, key: String, found: Result<T, String>) -> Option<T> {
+    fn record_mistake<T>(&mut self, key: String, found: Result<T, String>) -> Option<T> {
         found
             .map_err(|reason| self.mistakes.push(Mistake::new(key, reason)))
             .ok()
     }
 
     /// The elements of a field, in `unit` where one is given.
-    fn find(&self, signal: &Signal, count: usize, unit: Option<&str>, what: &str) -> Result<Found, String> {
-        let (stream, slice) = signal.find(self.streams).ok_or_else(|| signal.missing(self.streams))?;
+    fn find(&self, signal: &Signal, count: usize, unit: Option<&str>, what: &str) -> Result<FieldElements, String> {
+        let (stream, slice) = signal
+            .find(self.streams)
+            .ok_or_else(|| signal.alternatives_text(self.streams))?;
         let name = format!("{}.{}", self.streams[stream].name(), signal.names.join(", "));
         if slice.len != count {
             let have = if slice.len == 1 {
@@ -281,13 +283,13 @@ impl Binder<'_> {
             }
             _ => 1.0,
         };
-        let parts = (0..count).map(|index| Part::Element {
+        let parts = (0..count).map(|index| ChannelElement::Element {
             stream,
             field: slice.field.clone(),
             index: slice.from + index,
             scale,
         });
-        Ok(Found {
+        Ok(FieldElements {
             parts: parts.collect(),
             frame: slice.field.frame.clone(),
             unit: own.clone(),
@@ -296,7 +298,7 @@ impl Binder<'_> {
     }
 
     /// Rejects a field of another frame than the scene's; the first position that has a frame determines the scene's.
-    fn in_frame(&mut self, found: &Found) -> Result<(), String> {
+    fn in_frame(&mut self, found: &FieldElements) -> Result<(), String> {
         if self.frame.is_empty() {
             self.frame.clone_from(&found.frame);
         }
@@ -325,7 +327,7 @@ impl Binder<'_> {
             Position::Components(components) => {
                 for component in components {
                     match component {
-                        Component::Fixed(x) => parts.push(Part::Fixed(*x)),
+                        Component::Fixed(x) => parts.push(ChannelElement::Fixed(*x)),
                         Component::Field(of) => {
                             let found = self.find(of, 1, Some("m"), "a component of a position")?;
                             self.in_frame(&found)?;
@@ -335,27 +337,27 @@ impl Binder<'_> {
                 }
             }
         }
-        let meaning = Meaning::Vector;
-        Ok(self.channels.place(Channel { meaning, parts }))
+        let kind = ChannelKind::Vector;
+        Ok(self.channels.intern(Channel { kind, parts }))
     }
 
     fn attitude(&mut self, attitude: &Attitude) -> Result<usize, String> {
-        let (meaning, parts) = match attitude {
+        let (kind, parts) = match attitude {
             Attitude::Quaternion { of, scalar_last } => {
                 let mut found = self.find(of, 4, Some("1"), "a quaternion")?;
                 self.in_frame(&found)?;
                 if *scalar_last {
                     found.parts.rotate_right(1);
                 }
-                (Meaning::Attitude, found.parts)
+                (ChannelKind::Attitude, found.parts)
             }
             Attitude::Angle { of, about } => {
                 let found = self.find(of, 1, Some("rad"), "an angle")?;
                 self.in_frame(&found)?;
-                (Meaning::Turn(unit(*about)), found.parts)
+                (ChannelKind::Turn(unit(*about)), found.parts)
             }
         };
-        Ok(self.channels.place(Channel { meaning, parts }))
+        Ok(self.channels.intern(Channel { kind, parts }))
     }
 
     fn model(&mut self, model: &Model, joints: &[Signal]) -> Result<BoundModel, (&'static str, String)> {
@@ -365,7 +367,7 @@ impl Binder<'_> {
         for signal in joints {
             let (_, slice) = signal
                 .find(self.streams)
-                .ok_or_else(|| refuse(signal.missing(self.streams)))?;
+                .ok_or_else(|| refuse(signal.alternatives_text(self.streams)))?;
             let slides = sliding.get(parts.len()).copied().unwrap_or(false);
             let unit = if slides { "m" } else { "rad" };
             let what = format!("joint {} of the model", parts.len() + 1);
@@ -378,8 +380,8 @@ impl Binder<'_> {
                 sliding.len()
             )));
         }
-        let meaning = Meaning::Vector;
-        let joints = (!parts.is_empty()).then(|| self.channels.place(Channel { meaning, parts }));
+        let kind = ChannelKind::Vector;
+        let joints = (!parts.is_empty()).then(|| self.channels.intern(Channel { kind, parts }));
         Ok(BoundModel {
             model: model.clone(),
             joints,
@@ -420,10 +422,10 @@ impl Binder<'_> {
                 )));
             }
         };
-        let meaning = Meaning::Vector;
+        let kind = ChannelKind::Vector;
         let parts = found.parts;
         Ok(BoundArrow {
-            of: self.channels.place(Channel { meaning, parts }),
+            of: self.channels.intern(Channel { kind, parts }),
             body: axes == Axes::Body,
             length: arrow.length,
             heads: arrow.heads,
@@ -438,15 +440,15 @@ impl Binder<'_> {
     }
 }
 
-fn scaled(part: &Part, by: f64) -> Part {
+fn scaled(part: &ChannelElement, by: f64) -> ChannelElement {
     match part {
-        Part::Fixed(x) => Part::Fixed(x * by),
-        Part::Element {
+        ChannelElement::Fixed(x) => ChannelElement::Fixed(x * by),
+        ChannelElement::Element {
             stream,
             field,
             index,
             scale,
-        } => Part::Element {
+        } => ChannelElement::Element {
             stream: *stream,
             field: field.clone(),
             index: *index,

@@ -5,7 +5,7 @@ use tape::{ReadError, Source, StreamSpec, split_record};
 
 /// One number of a channel.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Part {
+pub(crate) enum ChannelElement {
     Fixed(f64),
     /// An element of a field, and the factor from its unit to that of the channel.
     Element {
@@ -16,9 +16,9 @@ pub(crate) enum Part {
     },
 }
 
-/// The meaning of the numbers of a channel.
+/// The kind of the numbers of a channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Meaning {
+pub(crate) enum ChannelKind {
     /// Plain numbers.
     Vector,
     /// A quaternion, scalar first.
@@ -30,8 +30,8 @@ pub(crate) enum Meaning {
 /// A time-dependent vector.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Channel {
-    pub(crate) meaning: Meaning,
-    pub(crate) parts: Vec<Part>,
+    pub(crate) kind: ChannelKind,
+    pub(crate) parts: Vec<ChannelElement>,
 }
 
 /// The channels of a scene, referred to by index.
@@ -59,10 +59,10 @@ pub(crate) struct Values {
 
 impl Channel {
     /// Converts the numbers of one instant to the drawn values.
-    pub(crate) fn drawn(&self, numbers: &[f64], mut put: impl FnMut(f64)) {
-        match self.meaning {
-            Meaning::Vector | Meaning::Attitude => numbers.iter().for_each(|x| put(*x)),
-            Meaning::Turn(axis) => {
+    pub(crate) fn drawn_values(&self, numbers: &[f64], mut put: impl FnMut(f64)) {
+        match self.kind {
+            ChannelKind::Vector | ChannelKind::Attitude => numbers.iter().for_each(|x| put(*x)),
+            ChannelKind::Turn(axis) => {
                 let (sine, cosine) = (numbers[0] / 2.0).sin_cos();
                 [cosine, sine * axis[0], sine * axis[1], sine * axis[2]]
                     .into_iter()
@@ -72,16 +72,16 @@ impl Channel {
     }
 
     fn width(&self) -> usize {
-        match self.meaning {
-            Meaning::Turn(_) => 4,
-            Meaning::Vector | Meaning::Attitude => self.parts.len(),
+        match self.kind {
+            ChannelKind::Turn(_) => 4,
+            ChannelKind::Vector | ChannelKind::Attitude => self.parts.len(),
         }
     }
 }
 
 impl Channels {
     /// The index of a channel, which is added if it is new.
-    pub(crate) fn place(&mut self, channel: Channel) -> usize {
+    pub(crate) fn intern(&mut self, channel: Channel) -> usize {
         self.list.iter().position(|one| *one == channel).unwrap_or_else(|| {
             self.list.push(channel);
             self.list.len() - 1
@@ -93,8 +93,8 @@ impl Channels {
         let parts = self.list.iter().flat_map(|channel| &channel.parts);
         let mut streams: Vec<usize> = parts
             .filter_map(|part| match part {
-                Part::Element { stream, .. } => Some(*stream),
-                Part::Fixed(_) => None,
+                ChannelElement::Element { stream, .. } => Some(*stream),
+                ChannelElement::Fixed(_) => None,
             })
             .collect();
         streams.sort_unstable();
@@ -116,9 +116,9 @@ impl Channels {
         let spec = &source.streams()[lead];
         let stamp = |record: u64| spec.offset.seconds() + (spec.first_index + record) as f64 * spec.period.seconds();
         let t: Vec<f64> = picks.iter().map(|pick| stamp(*pick)).collect();
-        let fixed = |part: &Part| match part {
-            Part::Fixed(x) => *x,
-            Part::Element { .. } => f64::NAN,
+        let fixed = |part: &ChannelElement| match part {
+            ChannelElement::Fixed(x) => *x,
+            ChannelElement::Element { .. } => f64::NAN,
         };
         let mut raw: Vec<Vec<f64>> = self
             .list
@@ -139,17 +139,17 @@ impl Channels {
                 let payload = split_record(&record, 0).payload;
                 for (channel, numbers) in self.list.iter().zip(&mut raw) {
                     let here = &mut numbers[at * channel.parts.len()..];
-                    put(channel, wanted, payload, here);
+                    write_elements(channel, wanted, payload, here);
                 }
             }
         }
         let values = self.list.iter().zip(raw).map(|(channel, raw)| {
             let mut numbers = Vec::with_capacity(t.len() * channel.width());
             for one in raw.chunks(channel.parts.len()) {
-                channel.drawn(one, |x| numbers.push(x as f32));
+                channel.drawn_values(one, |x| numbers.push(x as f32));
             }
             Values {
-                attitude: channel.meaning != Meaning::Vector,
+                attitude: channel.kind != ChannelKind::Vector,
                 width: channel.width(),
                 numbers,
             }
@@ -162,9 +162,9 @@ impl Channels {
 }
 
 /// Fills in the elements of a channel that a stream's payload has.
-pub(crate) fn put(channel: &Channel, wanted: usize, payload: &[u8], numbers: &mut [f64]) {
+pub(crate) fn write_elements(channel: &Channel, wanted: usize, payload: &[u8], numbers: &mut [f64]) {
     for (part, slot) in channel.parts.iter().zip(numbers) {
-        if let Part::Element {
+        if let ChannelElement::Element {
             stream,
             field,
             index,

@@ -14,8 +14,8 @@ pub(super) fn at(key: &str) -> impl Fn(String) -> Mistake {
 }
 
 impl Mistake {
-    /// The same mistake, with the key `above` as a prefix.
-    pub(super) fn below(self, above: &str) -> Mistake {
+    /// The same mistake, with the key `above` as a prefix of its key.
+    pub(super) fn with_prefix(self, above: &str) -> Mistake {
         Mistake::new(below(above, &self.key), self.reason)
     }
 }
@@ -45,7 +45,7 @@ impl<'a> Keys<'a> {
             .transpose()
     }
 
-    pub(super) fn needed(&self, key: &str) -> Result<&'a str, Mistake> {
+    pub(super) fn required_text(&self, key: &str) -> Result<&'a str, Mistake> {
         self.text(key)?.ok_or_else(|| at("")(format!("`{key}` is missing")))
     }
 

@@ -181,7 +181,7 @@ fn of_document(document: &Document<'_>) -> Result<Model, ModelError> {
     let mut moving = 0;
     let mut places = vec![None; joints.len()];
     for (place, joint) in places.iter_mut().zip(&joints) {
-        if moves(joint.attribute("type").unwrap_or_default()) {
+        if is_moving_joint(joint.attribute("type").unwrap_or_default()) {
             *place = Some(moving);
             moving += 1;
         }
@@ -209,12 +209,12 @@ fn of_document(document: &Document<'_>) -> Result<Model, ModelError> {
         return Err(ModelError::Structure(format!("`{name}` does not hang on the rest")));
     }
     if model.links.iter().all(|link| link.shapes.is_empty()) {
-        invent_shapes(&mut model, &links);
+        derive_shapes(&mut model, &links);
     }
     Ok(model)
 }
 
-fn moves(kind: &str) -> bool {
+fn is_moving_joint(kind: &str) -> bool {
     matches!(kind, "revolute" | "continuous" | "prismatic")
 }
 
@@ -231,7 +231,7 @@ fn link_of<'a>(link: Node<'a, 'a>, parent: Option<usize>, joint: Option<Node<'a,
         parent,
         xyz,
         rpy,
-        axis: moves(kind).then_some(axis),
+        axis: is_moving_joint(kind).then_some(axis),
         prismatic: kind == "prismatic",
         joint: None,
         shapes: link
@@ -320,7 +320,7 @@ fn pendulums(model: &Model, inertials: &[Option<Inertial>]) -> Vec<bool> {
 
 /// Shapes for a model without visuals: the root as the uniform box of its inertia, joints as drums along their axes, links
 /// as tubes from joint to joint, the bob of a pendulum at its centre of mass inside a tank.
-fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
+fn derive_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
     let inertials: Vec<Option<Inertial>> = model.links.iter().map(|link| inertial_of(links, &link.name)).collect();
     let hangs = pendulums(model, &inertials);
     if let Some((mass, [x, y, z], at)) = inertials[0].filter(|(mass, ..)| *mass > 0.0) {
@@ -336,7 +336,7 @@ fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
         match link.joint {
             Some(_) if hangs[at] => {
                 if let Some((_, _, centre)) = inertials[at].filter(|(mass, ..)| *mass > 0.0) {
-                    hang(model, at, centre);
+                    add_pendulum_shapes(model, at, centre);
                 }
             }
             Some(index) => {
@@ -344,19 +344,19 @@ fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
                 let axis = link.axis.unwrap_or([0.0, 0.0, 1.0]);
                 model.links[at]
                     .shapes
-                    .push(along(axis, 2.6 * r, [0.0; 3], r * 1.08, "joint"));
+                    .push(cylinder_along(axis, 2.6 * r, [0.0; 3], r * 1.08, "joint"));
                 if parent > 0 {
-                    let tube = tube([0.0; 3], link.xyz, r * 0.86, "tube");
+                    let tube = cylinder_between([0.0; 3], link.xyz, r * 0.86, "tube");
                     model.links[parent].shapes.extend(tube);
                 }
             }
             None if model.links[parent].joint.is_some() && !hangs[parent] => {
                 model.links[parent]
                     .shapes
-                    .extend(tube([0.0; 3], link.xyz, radius(7), "tube"));
+                    .extend(cylinder_between([0.0; 3], link.xyz, radius(7), "tube"));
                 // The tool extends to the frame after it, which is usually its tip.
                 let tip = model.links.iter().find(|b| b.parent == Some(at)).map(|b| b.xyz);
-                let tool = tube([0.0; 3], tip.unwrap_or_default(), 0.03, "tool");
+                let tool = cylinder_between([0.0; 3], tip.unwrap_or_default(), 0.03, "tool");
                 model.links[at].shapes.extend(tool);
             }
             None => {}
@@ -366,13 +366,13 @@ fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
 
 /// The bob of a pendulum with its rod, and the tank around its pivot. The tank does not swing: it belongs to the nearest
 /// ancestor that does not move.
-fn hang(model: &mut Model, at: usize, centre: [f64; 3]) {
+fn add_pendulum_shapes(model: &mut Model, at: usize, centre: [f64; 3]) {
     let length = centre.iter().map(|x| x * x).sum::<f64>().sqrt();
     let ball = [0.36 * length, 0.0, 0.0];
     model.links[at].shapes.push(solid(Kind::Sphere, ball, centre, "bob"));
     model.links[at]
         .shapes
-        .extend(tube([0.0; 3], centre, 0.05 * length, "rod"));
+        .extend(cylinder_between([0.0; 3], centre, 0.05 * length, "rod"));
     let tank = solid(Kind::Sphere, [1.56 * length, 0.0, 0.0], [0.0; 3], "tank");
     let (mut fixed, mut place) = (model.links[at].parent.unwrap_or(0), model.links[at].xyz);
     while model.links[fixed].joint.is_some() {
@@ -394,7 +394,7 @@ pub(crate) fn solid(kind: Kind, size: [f64; 3], xyz: [f64; 3], role: &'static st
 }
 
 /// A cylinder of this length along `axis`, around `center`.
-fn along(axis: [f64; 3], length: f64, center: [f64; 3], radius: f64, role: &'static str) -> Solid {
+fn cylinder_along(axis: [f64; 3], length: f64, center: [f64; 3], radius: f64, role: &'static str) -> Solid {
     let n = axis.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-12);
     let [x, y, z] = axis.map(|a| a / n);
     // Pitch and yaw that rotate z to the axis.
@@ -405,11 +405,11 @@ fn along(axis: [f64; 3], length: f64, center: [f64; 3], radius: f64, role: &'sta
     }
 }
 
-fn tube(from: [f64; 3], to: [f64; 3], radius: f64, role: &'static str) -> Option<Solid> {
+fn cylinder_between(from: [f64; 3], to: [f64; 3], radius: f64, role: &'static str) -> Option<Solid> {
     let axis: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
     let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
     let center = std::array::from_fn(|i| 0.5 * (from[i] + to[i]));
-    (length > 1e-3).then(|| along(axis, length, center, radius, role))
+    (length > 1e-3).then(|| cylinder_along(axis, length, center, radius, role))
 }
 
 #[cfg(test)]
@@ -426,7 +426,7 @@ mod tests {
     </robot>"#;
 
     #[test]
-    fn shapes_follow_from_kinematics_and_inertia() {
+    fn shapes_derive_from_kinematics_and_inertia() {
         let model = Model::read(CHAIN).unwrap();
         let names: Vec<&str> = model.links.iter().map(|b| &*b.name).collect();
         assert_eq!(names, ["base", "l1", "bob", "tool"]);
@@ -443,7 +443,7 @@ mod tests {
     }
 
     #[test]
-    fn visuals_win() {
+    fn visuals_take_precedence_over_derived_shapes() {
         let text = CHAIN.replace(
             r#"<link name="l1"/>"#,
             r#"<link name="l1"><visual><origin xyz="1 2 3"/><geometry><box size="1 2 3"/></geometry>
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_tree_is_an_error() {
+    fn model_without_tree_is_rejected() {
         assert!(Model::read("<robot").is_err());
         assert!(Model::read("<robot/>").is_err());
         let text = CHAIN.replace(r#"<child link="tool"/>"#, r#"<child link="base"/>"#);

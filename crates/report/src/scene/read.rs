@@ -7,7 +7,7 @@ use super::bind::bind;
 use super::keys::{Keys, at};
 use super::shape::shape;
 use super::types::{Attitude, Body, Camera, Component, Distance, Position, Scene, Shape, Towards};
-use super::values::{colour, direction, quantity, signal, three};
+use super::values::{colour, direction, quantity, signal, vector3};
 use crate::view::Mistake;
 
 /// The default colours of bodies, in the order of their names.
@@ -29,7 +29,7 @@ impl Scene {
     pub fn read(table: &Table) -> Result<Scene, Vec<Mistake>> {
         let mut mistakes = Vec::new();
         let mut scene = Scene::default();
-        let read = top(table, &mut scene, &mut mistakes);
+        let read = read_table(table, &mut scene, &mut mistakes);
         mistakes.extend(read.err());
         // Bodies with mistakes are missing, so references cannot be checked then.
         if mistakes.is_empty() {
@@ -90,7 +90,7 @@ impl Scene {
 }
 
 /// Reads everything; a mistake in one body or camera does not hide those in others.
-fn top(table: &Table, scene: &mut Scene, mistakes: &mut Vec<Mistake>) -> Result<(), Mistake> {
+fn read_table(table: &Table, scene: &mut Scene, mistakes: &mut Vec<Mistake>) -> Result<(), Mistake> {
     let keys = Keys::of(table, &["frame", "up", "camera", "cameras", "bodies", "distances"])?;
     scene.frame = keys.text("frame")?.unwrap_or_default().to_owned();
     scene.up = keys.value("up", direction)?.unwrap_or_default();
@@ -102,19 +102,19 @@ fn top(table: &Table, scene: &mut Scene, mistakes: &mut Vec<Mistake>) -> Result<
     for (number, (name, value)) in bodies.iter().enumerate() {
         match body(name, value, COLOURS[number % COLOURS.len()]) {
             Ok(body) => scene.bodies.push(body),
-            Err(wrong) => mistakes.push(wrong.below(&format!("bodies.{name}"))),
+            Err(wrong) => mistakes.push(wrong.with_prefix(&format!("bodies.{name}"))),
         }
     }
     if let Some(entry) = table.get("camera") {
         match camera("camera", entry) {
             Ok(camera) => scene.camera = Some(camera),
-            Err(wrong) => mistakes.push(wrong.below("camera")),
+            Err(wrong) => mistakes.push(wrong.with_prefix("camera")),
         }
     }
     for (name, entry) in keys.table("cameras")?.into_iter().flatten() {
         match camera(name, entry) {
             Ok(camera) => scene.cameras.push(camera),
-            Err(wrong) => mistakes.push(wrong.below(&format!("cameras.{name}"))),
+            Err(wrong) => mistakes.push(wrong.with_prefix(&format!("cameras.{name}"))),
         }
     }
     let distances = keys.list("distances")?.iter().enumerate();
@@ -122,14 +122,14 @@ fn top(table: &Table, scene: &mut Scene, mistakes: &mut Vec<Mistake>) -> Result<
         let read = Keys::of_value(entry, &["from", "to", "label"]).and_then(|keys| distance(&keys));
         match read {
             Ok(distance) => scene.distances.push(distance),
-            Err(wrong) => mistakes.push(wrong.below(&format!("distances.{}", number + 1))),
+            Err(wrong) => mistakes.push(wrong.with_prefix(&format!("distances.{}", number + 1))),
         }
     }
     Ok(())
 }
 
 fn distance(keys: &Keys<'_>) -> Result<Distance, Mistake> {
-    let (from, to) = (keys.needed("from")?, keys.needed("to")?);
+    let (from, to) = (keys.required_text("from")?, keys.required_text("to")?);
     Ok(Distance {
         label: keys
             .text("label")?
@@ -141,7 +141,7 @@ fn distance(keys: &Keys<'_>) -> Result<Distance, Mistake> {
 
 fn camera(name: &str, entry: &Value) -> Result<Camera, Mistake> {
     let keys = Keys::of_value(entry, &["at", "towards", "up", "on"])?;
-    let length = |value: &Value| three(value, "m");
+    let length = |value: &Value| vector3(value, "m");
     let (place, up, on) = (
         keys.value("at", length)?,
         keys.value("up", direction)?,
@@ -200,16 +200,16 @@ fn body(name: &str, value: &Value, own: [f64; 3]) -> Result<Body, Mistake> {
         Some(Value::Array(items)) => {
             let shapes = items.iter().enumerate();
             let shapes =
-                shapes.map(|(at, value)| shape(value).map_err(|wrong| wrong.below(&format!("shape.{}", at + 1))));
+                shapes.map(|(at, value)| shape(value).map_err(|wrong| wrong.with_prefix(&format!("shape.{}", at + 1))));
             shapes.collect::<Result<Vec<Shape>, Mistake>>()?
         }
-        Some(one) => vec![shape(one).map_err(|wrong| wrong.below("shape"))?],
+        Some(one) => vec![shape(one).map_err(|wrong| wrong.with_prefix("shape"))?],
     };
     Ok(Body {
         label: Some(keys.text("label")?.unwrap_or(name).to_owned()).filter(|label| !label.is_empty()),
         name: name.to_owned(),
         position: keys.value("position", position)?.unwrap_or_else(origin),
-        attitude: attitude.map_err(|wrong| wrong.below("attitude"))?,
+        attitude: attitude.map_err(|wrong| wrong.with_prefix("attitude"))?,
         shapes,
         colour: Some(keys.value("colour", colour)?.unwrap_or(own)),
         once: false,
@@ -219,7 +219,7 @@ fn body(name: &str, value: &Value, own: [f64; 3]) -> Result<Body, Mistake> {
 fn position(value: &Value) -> Result<Position, String> {
     match value {
         Value::String(text) if text.trim_start().starts_with('[') => {
-            three(value, "m").map(|place| Position::Components(place.map(Component::Fixed)))
+            vector3(value, "m").map(|place| Position::Components(place.map(Component::Fixed)))
         }
         Value::String(text) => signal(text).map(Position::Field),
         Value::Array(items) if items.len() == 3 => {

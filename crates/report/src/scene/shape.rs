@@ -5,7 +5,7 @@ use toml::{Table, Value};
 use super::keys::{Keys, at};
 use super::model::{Kind, Model, Solid};
 use super::types::{Arrow, Axes, Path, Shape};
-use super::values::{boolean, colour, direction, positive, quantity, signal, three};
+use super::values::{boolean, colour, direction, positive, quantity, signal, vector3};
 use crate::view::{Mistake, Signal};
 
 /// The keys of each kind of shape, besides the key of the kind.
@@ -61,7 +61,7 @@ pub(super) fn shape(value: &Value) -> Result<Shape, Mistake> {
 
 fn solid(kind: &str, table: &Table, keys: &Keys<'_>) -> Result<Shape, Mistake> {
     let edges = |value: &Value| {
-        let edges = three(value, "m")?;
+        let edges = vector3(value, "m")?;
         let whole = edges.iter().all(|x| *x > 0.0);
         whole
             .then_some(edges)
@@ -76,14 +76,14 @@ fn solid(kind: &str, table: &Table, keys: &Keys<'_>) -> Result<Shape, Mistake> {
         ),
         _ => (
             Kind::Cylinder,
-            cylinder(&table["cylinder"]).map_err(|wrong| wrong.below("cylinder"))?,
+            cylinder(&table["cylinder"]).map_err(|wrong| wrong.with_prefix("cylinder"))?,
         ),
     };
     Ok(Shape::Solid(Solid {
         kind,
         size,
-        xyz: keys.value("at", |value| three(value, "m"))?.unwrap_or_default(),
-        rpy: keys.value("turn", |value| three(value, "rad"))?.unwrap_or_default(),
+        xyz: keys.value("at", |value| vector3(value, "m"))?.unwrap_or_default(),
+        rpy: keys.value("turn", |value| vector3(value, "rad"))?.unwrap_or_default(),
         rgba: keys.value("colour", colour)?.map(|[r, g, b]| [r, g, b, 1.0]),
         role: "visual",
     }))
@@ -109,7 +109,7 @@ fn cylinder(value: &Value) -> Result<[f64; 3], Mistake> {
 }
 
 fn arrow(keys: &Keys<'_>) -> Result<Shape, Mistake> {
-    let of = signal(keys.needed("arrow")?).map_err(at("arrow"))?;
+    let of = signal(keys.required_text("arrow")?).map_err(at("arrow"))?;
     let axes = match keys.text("axes")? {
         None => None,
         Some("scene") => Some(Axes::Scene),

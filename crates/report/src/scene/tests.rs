@@ -73,7 +73,7 @@ fn scene(text: &str) -> Result<Scene, Vec<Mistake>> {
     Scene::read(&text.replace("URDF", &format!("'''{URDF}'''")).parse::<Table>().unwrap())
 }
 
-fn told(text: &str) -> Vec<String> {
+fn mistakes_in(text: &str) -> Vec<String> {
     let wrong = match scene(text) {
         Ok(scene) => scene.misfits(&streams(), &|_| true),
         Err(wrong) => wrong,
@@ -109,8 +109,8 @@ const ALL: &str = r##"
 "##;
 
 #[test]
-fn every_kind_of_body_is_understood() {
-    assert_eq!(told(ALL), [""; 0]);
+fn scene_reader_accepts_every_kind_of_body() {
+    assert_eq!(mistakes_in(ALL), [""; 0]);
     let (bound, _) = bind(&scene(ALL).unwrap(), &streams());
     let bound = bound.unwrap();
     let names: Vec<&str> = bound.bodies().iter().map(|body| &*body.name).collect();
@@ -148,7 +148,7 @@ proptest! {
     /// Poses, joints and arrows at every instant are the tape's values, converted and in drawing order; nothing is drawn of
     /// a stream before its first sample.
     #[test]
-    fn what_is_drawn_is_what_the_tape_has(
+    fn drawn_values_equal_tape_values(
         numbers in prop::collection::vec(-3.0_f64..3.0, 31..97),
         fast in 1_u64..30,
         slow in 1_u64..12,
@@ -319,13 +319,13 @@ const AROUND: &[(&str, &str)] = &[
 ];
 
 fn refused_as(text: &str, expected: &str) {
-    let wrong = told(text);
+    let wrong = mistakes_in(text);
     assert_eq!(wrong.len(), 1, "{text}: {wrong:?}");
     assert!(wrong[0].starts_with(expected), "{text}: {}", wrong[0]);
 }
 
 #[test]
-fn mistakes_name_their_keys_and_a_remedy() {
+fn scene_mistakes_name_key_and_remedy() {
     const PLACE: &str = "position = 'mover.now.place'\n";
     for (body, expected) in BODIES {
         refused_as(&format!("[bodies.b]\n{}", body.replace('@', PLACE)), expected);
@@ -348,7 +348,7 @@ fn mistakes_name_their_keys_and_a_remedy() {
 }
 
 #[test]
-fn field_of_a_participant_that_is_not_known_yet_is_not_judged() {
+fn scene_field_of_unknown_participant_is_not_rejected() {
     let text = "[bodies.a]\nposition = 'mover.now.spot'\nshape = { sphere = 1 }\n[bodies.b]\nposition = 'lift.now.spot'\nshape = { sphere = 1 }";
     let wrong = scene(text).unwrap().misfits(&streams(), &|name| name == "lift");
     assert_eq!(wrong.len(), 1, "{wrong:?}");

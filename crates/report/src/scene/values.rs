@@ -34,7 +34,7 @@ pub(super) fn positive(value: &Value, unit: &str) -> Result<f64, String> {
 }
 
 /// Three quantities: `["1 m", 0, "20 cm"]` or `"[1, 0, 0.2] m"`.
-pub(super) fn three(value: &Value, unit: &str) -> Result<[f64; 3], String> {
+pub(super) fn vector3(value: &Value, unit: &str) -> Result<[f64; 3], String> {
     let numbers = match value {
         Value::Array(items) => items
             .iter()
@@ -53,9 +53,9 @@ pub(super) fn three(value: &Value, unit: &str) -> Result<[f64; 3], String> {
 pub(super) fn direction(value: &Value) -> Result<[f64; 3], String> {
     let number = |item: &Value| item.as_float().or_else(|| item.as_integer().map(|x| x as f64));
     let numbers: Option<Vec<f64>> = value.as_array().and_then(|items| items.iter().map(number).collect());
-    let three = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
-    let three = three.filter(|all| all.iter().all(|x| x.is_finite()) && all.iter().any(|x| *x != 0.0));
-    three.ok_or_else(|| {
+    let vector3 = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
+    let vector3 = vector3.filter(|all| all.iter().all(|x| x.is_finite()) && all.iter().any(|x| *x != 0.0));
+    vector3.ok_or_else(|| {
         format!("`{value}` is not a direction: write three numbers that are not all zero, such as [0, 0, 1]")
     })
 }

@@ -13,7 +13,7 @@ use super::{Curve, Figure, Formula, Limit, Line, Mistake, Signal, Unit};
 
 /// A figure as it is drawn, without its curves.
 #[derive(Debug, Clone, Serialize)]
-pub(crate) struct Drawn {
+pub(crate) struct BoundFigure {
     pub(crate) id: String,
     pub(crate) group: String,
     pub(crate) title: String,
@@ -49,7 +49,7 @@ pub(crate) struct Level {
 
 /// One curve of a binding.
 #[derive(Debug, Clone)]
-pub(crate) struct Place {
+pub(crate) struct BoundCurve {
     pub(crate) label: String,
     /// Whole numbers are drawn as a zero-order hold.
     pub(crate) step: bool,
@@ -57,13 +57,13 @@ pub(crate) struct Place {
 
 /// The source of one or several curves of a figure.
 pub(crate) struct Binding {
-    /// The figure's index in [`Bound::figures`].
+    /// The figure's index in [`BoundFigures::figures`].
     pub(crate) figure: usize,
     /// The streams: the samples of the first are the instants, the others are resampled there.
     pub(crate) streams: Vec<usize>,
     pub(crate) evaluate: Evaluate,
     pub(crate) against: Option<(Evaluate, f64)>,
-    pub(crate) places: Vec<Place>,
+    pub(crate) curves: Vec<BoundCurve>,
     /// The factor from the unit of the fields to that of the axis.
     pub(crate) scale: f64,
     pub(crate) origin: String,
@@ -71,15 +71,15 @@ pub(crate) struct Binding {
 
 /// Figures with all sources of their curves.
 #[derive(Default)]
-pub(crate) struct Bound {
-    pub(crate) figures: Vec<Drawn>,
+pub(crate) struct BoundFigures {
+    pub(crate) figures: Vec<BoundFigure>,
     pub(crate) bindings: Vec<Binding>,
     /// The index of a figure in the input list, and the parts of it that do not fit the streams.
     pub(crate) mistakes: Vec<(usize, Mistake)>,
 }
 
 /// The source of a curve in the streams.
-struct Found {
+struct CurveSource {
     streams: Vec<usize>,
     evaluate: Evaluate,
     width: usize,
@@ -92,11 +92,17 @@ struct Found {
 
 /// Binds `figures`; parts that the streams do not have are left out and reported. `limits` are drawn where a figure shows
 /// their signal.
-pub(crate) fn bind(figures: &[Figure], streams: &[StreamSpec], limits: &[Limit], signal: bool, bound: &mut Bound) {
+pub(crate) fn bind(
+    figures: &[Figure],
+    streams: &[StreamSpec],
+    limits: &[Limit],
+    signal: bool,
+    bound: &mut BoundFigures,
+) {
     for (at, figure) in figures.iter().enumerate() {
         let mut mistakes = Vec::new();
-        if let Some((drawn, bindings)) = one(figure, streams, limits, bound.figures.len(), &mut mistakes) {
-            bound.figures.push(Drawn { signal, ..drawn });
+        if let Some((drawn, bindings)) = bind_figure(figure, streams, limits, bound.figures.len(), &mut mistakes) {
+            bound.figures.push(BoundFigure { signal, ..drawn });
             bound.bindings.extend(bindings);
         }
         bound.mistakes.extend(mistakes.into_iter().map(|mistake| (at, mistake)));
@@ -104,13 +110,13 @@ pub(crate) fn bind(figures: &[Figure], streams: &[StreamSpec], limits: &[Limit],
 }
 
 /// A figure with the curves that fit the streams.
-fn one(
+fn bind_figure(
     figure: &Figure,
     streams: &[StreamSpec],
     limits: &[Limit],
     number: usize,
     mistakes: &mut Vec<Mistake>,
-) -> Option<(Drawn, Vec<Binding>)> {
+) -> Option<(BoundFigure, Vec<Binding>)> {
     let mut bindings = Vec::new();
     let mut first: Option<(Axis, String)> = None;
     for (at, curve) in figure.curves.iter().enumerate() {
@@ -133,7 +139,7 @@ fn one(
     let (axis, own) = first?;
     let mut against = None;
     if let Some(curve) = &figure.against {
-        match along(curve, streams, &mut bindings) {
+        match bind_horizontal_axis(curve, streams, &mut bindings) {
             Ok(axis) => against = Some(axis),
             Err(reason) => {
                 mistakes.push(Mistake::new("against".into(), reason));
@@ -150,10 +156,10 @@ fn one(
     }
     let set = limits
         .iter()
-        .filter(|limit| figure.curves.iter().any(|curve| concerns(limit, curve)));
+        .filter(|limit| figure.curves.iter().any(|curve| applies_to(limit, curve)));
     let lines = set.flat_map(|limit| &limit.lines);
     levels.extend(lines.filter_map(|line| level(line, &own, &axis.unit, &figure.unit).ok()));
-    let drawn = Drawn {
+    let drawn = BoundFigure {
         id: figure.id.clone(),
         group: figure.group.clone(),
         title: figure.title.clone(),
@@ -165,7 +171,7 @@ fn one(
     Some((drawn, bindings))
 }
 
-fn binding(curve: &Curve, found: Found, scale: f64, figure: usize) -> Binding {
+fn binding(curve: &Curve, found: CurveSource, scale: f64, figure: usize) -> Binding {
     let computed = match &curve.formula {
         Formula::Computed(computed) => computed.labels(),
         _ => Vec::new(),
@@ -175,7 +181,7 @@ fn binding(curve: &Curve, found: Found, scale: f64, figure: usize) -> Binding {
     } else {
         &curve.labels
     };
-    let places = labels(given, found.width).into_iter().map(|label| Place {
+    let curves = labels(given, found.width).into_iter().map(|label| BoundCurve {
         label,
         step: found.step,
     });
@@ -184,14 +190,14 @@ fn binding(curve: &Curve, found: Found, scale: f64, figure: usize) -> Binding {
         streams: found.streams,
         evaluate: found.evaluate,
         against: None,
-        places: places.collect(),
+        curves: curves.collect(),
         scale,
         origin: found.origin,
     }
 }
 
 /// Sets the horizontal axis of all bindings of a figure.
-fn along(curve: &Curve, streams: &[StreamSpec], bindings: &mut [Binding]) -> Result<Axis, String> {
+fn bind_horizontal_axis(curve: &Curve, streams: &[StreamSpec], bindings: &mut [Binding]) -> Result<Axis, String> {
     let mut axis = None;
     for binding in bindings {
         let mut found = find(curve, streams)?;
@@ -207,7 +213,7 @@ fn along(curve: &Curve, streams: &[StreamSpec], bindings: &mut [Binding]) -> Res
             .iter()
             .map(|stream| slot(&mut binding.streams, *stream))
             .collect();
-        found.evaluate.renumber(&places);
+        found.evaluate.remap_streams(&places);
         let name = match curve.labels.first() {
             Some(label) => label.clone(),
             None => found.origin.clone(),
@@ -238,8 +244,10 @@ struct Operands<'a> {
 impl Operands<'_> {
     /// A signal with at least `least` elements, and of the shape and the unit of `like`.
     fn operand(&mut self, signal: &Signal, like: Option<&Slice>, least: usize) -> Result<Operand, String> {
-        let (stream, slice) = signal.find(self.all).ok_or_else(|| signal.missing(self.all))?;
-        let name = format!("{}.{}", self.all[stream].name(), written(&slice));
+        let (stream, slice) = signal
+            .find(self.all)
+            .ok_or_else(|| signal.alternatives_text(self.all))?;
+        let name = format!("{}.{}", self.all[stream].name(), signal_text(&slice));
         if slice.field.element.room().is_some() {
             let field = &slice.field;
             return Err(format!(
@@ -264,7 +272,7 @@ impl Operands<'_> {
 }
 
 /// The operands of a formula in the streams, and the properties of its result.
-fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
+fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<CurveSource, String> {
     let mut found = Operands {
         all: streams,
         used: Vec::new(),
@@ -330,7 +338,7 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
         }
     };
     let whole = |element: Element| !matches!(element, Element::F64 | Element::F32);
-    Ok(Found {
+    Ok(CurveSource {
         streams: found.used,
         evaluate,
         width,
@@ -346,7 +354,7 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
 }
 
 /// The name of the field or the element as written in the formula.
-fn written(slice: &Slice) -> String {
+fn signal_text(slice: &Slice) -> String {
     let field = &slice.field;
     match slice.len {
         len if len == field.len() => field.name.clone(),
@@ -371,7 +379,7 @@ fn scale_of(wanted: &Unit, own: &str, known: Option<&str>) -> Result<(String, f6
     Ok((unit.to_owned(), converted.0[0]))
 }
 
-fn axis_of(wanted: &Unit, unit: String, found: &Found) -> Axis {
+fn axis_of(wanted: &Unit, unit: String, found: &CurveSource) -> Axis {
     let scales = match wanted {
         Unit::Named(_) => vec![Scale {
             exponent: 0,
@@ -407,7 +415,7 @@ fn level(line: &Line, own: &str, unit: &str, wanted: &Unit) -> Result<Level, Str
 }
 
 /// Whether a limit applies to the signal of a curve.
-fn concerns(limit: &Limit, curve: &Curve) -> bool {
+fn applies_to(limit: &Limit, curve: &Curve) -> bool {
     let (of, minus, through) = match &curve.formula {
         Formula::Each(of) => (of, None, None),
         Formula::Difference(of, minus) => (of, Some(minus), None),

@@ -69,7 +69,7 @@ impl Evaluate {
             Evaluate::PositionIn(p, origin, axes) => {
                 let (p, origin) = (list(p)?, list(origin)?);
                 let apart = std::array::from_fn(|i| p[i] - origin[i]);
-                out.copy_from_slice(&turned_back(quaternion(axes)?, apart));
+                out.copy_from_slice(&rotate_inverse(quaternion(axes)?, apart));
             }
             Evaluate::AttitudeIn(attitude, axes) => {
                 let [w, x, y, z] = product(conjugate(quaternion(axes)?), quaternion(attitude)?);
@@ -84,7 +84,7 @@ impl Evaluate {
     }
 
     /// Maps the operands to the indices of their streams in another binding.
-    pub(crate) fn renumber(&mut self, places: &[usize]) {
+    pub(crate) fn remap_streams(&mut self, indices: &[usize]) {
         let operands: Vec<&mut Operand> = match self {
             Evaluate::Each(a) | Evaluate::Norm(a) | Evaluate::RotationVector(a) => vec![a],
             Evaluate::Difference(a, b)
@@ -95,7 +95,7 @@ impl Evaluate {
             Evaluate::Computed(_) => Vec::new(),
         };
         for operand in operands {
-            operand.0 = places[operand.0];
+            operand.0 = indices[operand.0];
         }
     }
 
@@ -110,7 +110,7 @@ fn conjugate([w, x, y, z]: [f64; 4]) -> [f64; 4] {
 }
 
 /// Transforms a vector from world components to components in the frame of this attitude.
-fn turned_back(q: [f64; 4], [x, y, z]: [f64; 3]) -> [f64; 3] {
+fn rotate_inverse(q: [f64; 4], [x, y, z]: [f64; 3]) -> [f64; 3] {
     let [_, x, y, z] = product(product(conjugate(q), [0.0, x, y, z]), q);
     [x, y, z]
 }
@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn small_angles_keep_their_digits() {
+    fn rotation_vector_keeps_digits_of_small_angles() {
         let angle = 1e-9_f64;
         let q = [(angle / 2.0).cos(), 0.0, (angle / 2.0).sin(), 0.0];
         assert!((rotation_vector(q)[1] - angle).abs() < 1e-24);
@@ -151,10 +151,10 @@ mod tests {
     }
 
     #[test]
-    fn quarter_turn_about_z_swaps_the_axes() {
+    fn inverse_rotation_by_quarter_turn_swaps_axes() {
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let quarter = [half, 0.0, 0.0, half];
-        let seen = turned_back(quarter, [3.0, 0.0, 5.0]);
+        let seen = rotate_inverse(quarter, [3.0, 0.0, 5.0]);
         let expected = [0.0, -3.0, 5.0];
         assert!(
             seen.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-15),

@@ -13,7 +13,7 @@ fn is_wide(field: &Field) -> bool {
 }
 
 /// The note about fields that have no figure.
-pub(crate) fn left_out(streams: &[StreamSpec]) -> Vec<String> {
+pub(crate) fn omitted_fields_note(streams: &[StreamSpec]) -> Vec<String> {
     let fields = streams
         .iter()
         .flat_map(|spec| spec.descriptor.fields.iter().map(move |field| (spec, field)));

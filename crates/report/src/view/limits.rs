@@ -48,7 +48,7 @@ fn of_measure(name: &str, measure: &Table) -> Option<Limit> {
         if let Some(at) = measure.get(key) {
             let text = format!("{name}: {words}");
             if both_signs {
-                lines.extend(negative(at).map(|at| Line { at, text: text.clone() }));
+                lines.extend(negated(at).map(|at| Line { at, text: text.clone() }));
             }
             lines.push(Line { at: at.clone(), text });
         }
@@ -86,7 +86,7 @@ fn bounds(range: &Value, text: &str) -> Option<Vec<Line>> {
     }
 }
 
-fn negative(at: &Value) -> Option<Value> {
+fn negated(at: &Value) -> Option<Value> {
     match at {
         Value::Float(x) => Some(Value::Float(-x)),
         Value::Integer(x) => Some(Value::Integer(-x)),
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn guards_and_measures_give_lines() {
+    fn limits_derive_from_guards_and_measures() {
         let plan = r#"
             [guards.rail]
             output = "cart.state"

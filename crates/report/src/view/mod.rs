@@ -14,8 +14,8 @@ mod prefix;
 mod read;
 mod signal;
 
-pub(crate) use bind::{Axis, Binding, Bound, Drawn, bind};
-pub(crate) use every::{every_field, left_out};
+pub(crate) use bind::{Axis, Binding, BoundFigure, BoundFigures, bind};
+pub(crate) use every::{every_field, omitted_fields_note};
 pub use figure::{Computed, Curve, Figure, Formula, Line, Unit, View, Views};
 pub(crate) use limits::{Limit, limits_of};
 pub use mistake::Mistake;

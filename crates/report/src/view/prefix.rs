@@ -47,7 +47,7 @@ pub(crate) fn scales(unit: &str) -> Vec<Scale> {
         if takes && !powered {
             return format!("{prefix}{unit}");
         }
-        let power: String = exponent.to_string().chars().map(raised).collect();
+        let power: String = exponent.to_string().chars().map(superscript).collect();
         if unit == "1" {
             format!("10{power}")
         } else {
@@ -63,7 +63,7 @@ pub(crate) fn scales(unit: &str) -> Vec<Scale> {
         .collect()
 }
 
-fn raised(digit: char) -> char {
+fn superscript(digit: char) -> char {
     match digit {
         '-' => '⁻',
         '1' => '¹',
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_get_the_prefix_of_their_size() {
+    fn unit_prefix_suits_size_of_value() {
         for (unit, size, expected) in [
             ("m", 1.0e-4, (1e-3, "mm")),
             ("m", 0.3, (1.0, "m")),

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use tape::StreamSpec;
 use toml::{Table, Value};
 
-use super::{Bound, Curve, Figure, Formula, Line, Mistake, Signal, Unit, View, bind};
+use super::{BoundFigures, Curve, Figure, Formula, Line, Mistake, Signal, Unit, View, bind};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -113,7 +113,7 @@ impl View {
             if !curves.flat_map(|curve| curve.formula.signals()).all(known) {
                 continue;
             }
-            let mut bound = Bound::default();
+            let mut bound = BoundFigures::default();
             bind(std::slice::from_ref(figure), streams, &[], false, &mut bound);
             let found = bound.mistakes.into_iter().map(|(_, mistake)| mistake);
             mistakes.extend(found.map(|one| Mistake::new(format!("panels.{}.{}", at + 1, one.key), one.reason)));
@@ -298,7 +298,7 @@ mod tests {
         vec![of("cart", 10), of("guide", 3)]
     }
 
-    fn told(text: &str) -> Vec<String> {
+    fn mistakes_in(text: &str) -> Vec<String> {
         let table: Table = text.parse().unwrap();
         let wrong = match View::read(&table) {
             Ok(view) => view.misfits(&streams(), |_| true),
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_of_curve_is_understood() {
+    fn view_reader_accepts_every_kind_of_curve() {
         let all = r#"
             marks = { turn = "2 s" }
             [[panels]]
@@ -330,9 +330,9 @@ mod tests {
             curves = ["cart.state.x[1]"]
             against = { of = "cart.state.x[0]", label = "along" }
         "#;
-        assert_eq!(told(all), [""; 0]);
+        assert_eq!(mistakes_in(all), [""; 0]);
         let view = View::read(&all.parse().unwrap()).unwrap();
-        let mut bound = Bound::default();
+        let mut bound = BoundFigures::default();
         bind(&view.figures, &streams(), &[], false, &mut bound);
         let ids: Vec<&str> = bound.figures.iter().map(|figure| &*figure.id).collect();
         assert_eq!(ids, ["panel-1", "turn", "path"]);
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_name_their_keys() {
+    fn view_mistakes_name_their_keys() {
         for (table, expected) in [
             (
                 "[[panels]]\ncurves = ['cart.state.y']",
@@ -420,7 +420,7 @@ mod tests {
             ),
             ("marks = { turn = 3.5 }", "marks.turn: "),
         ] {
-            let wrong = told(table);
+            let wrong = mistakes_in(table);
             assert_eq!(wrong.len(), 1, "{table}: {wrong:?}");
             assert!(wrong[0].starts_with(expected), "{table}: {}", wrong[0]);
         }

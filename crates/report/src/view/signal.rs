@@ -69,7 +69,7 @@ impl Signal {
     }
 
     /// Whether this is a stream of the signal's port.
-    pub(crate) fn is_of(&self, spec: &StreamSpec) -> bool {
+    pub(crate) fn is_stream_of_port(&self, spec: &StreamSpec) -> bool {
         let mine = |name: &String| *name == spec.participant;
         spec.port == self.port && self.participant.as_ref().is_none_or(mine)
     }
@@ -81,12 +81,15 @@ impl Signal {
 
     /// The first stream that has the signal, and the position in it.
     pub(crate) fn find(&self, streams: &[StreamSpec]) -> Option<(usize, Slice)> {
-        let mut all = streams.iter().enumerate().filter(|(_, spec)| self.is_of(spec));
+        let mut all = streams
+            .iter()
+            .enumerate()
+            .filter(|(_, spec)| self.is_stream_of_port(spec));
         all.find_map(|(at, spec)| Some((at, self.slice(spec)?)))
     }
 
     /// The available alternatives to a signal that no stream has.
-    pub(crate) fn missing(&self, streams: &[StreamSpec]) -> String {
+    pub(crate) fn alternatives_text(&self, streams: &[StreamSpec]) -> String {
         let listed = |names: Vec<String>| {
             let mut names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
             names.dedup();
@@ -105,7 +108,7 @@ impl Signal {
                 listed(known)
             );
         }
-        let Some(spec) = streams.iter().find(|spec| self.is_of(spec)) else {
+        let Some(spec) = streams.iter().find(|spec| self.is_stream_of_port(spec)) else {
             let own = streams.iter().filter(|spec| spec.participant == who);
             let known = own.map(|spec| spec.port.clone()).collect();
             return format!("`{who}` has no output `{}`; it has {}", self.port, listed(known));

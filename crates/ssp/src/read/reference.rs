@@ -3,18 +3,18 @@
 use fmu::Archive;
 use roxmltree::Node;
 
-use super::{DESCRIPTION, Home, Reader, described};
+use super::{DESCRIPTION, DescriptionContext, Reader, read_description};
 use crate::error::Problem;
 use crate::package::Package;
-use crate::structure::{Content, Kind};
+use crate::structure::{ConnectorKind, Content};
 
 impl<'a> Reader<'a> {
     /// The source of an FMU by its full name. FMUs of nested packages are kept.
-    pub(super) fn taken(&mut self, path: String) -> String {
-        let full = format!("{}{path}", self.home.prefix);
-        if !self.home.prefix.is_empty()
+    pub(super) fn fmu_source(&mut self, path: String) -> String {
+        let full = format!("{}{path}", self.context.prefix);
+        if !self.context.prefix.is_empty()
             && !self.found.inside.contains_key(&full)
-            && let Some(Ok(contents)) = self.home.package.file(&path)
+            && let Some(Ok(contents)) = self.context.package.file(&path)
         {
             self.found.inside.insert(full.clone(), contents);
         }
@@ -42,29 +42,29 @@ impl<'a> Reader<'a> {
             Some(Err(error)) => Err(self.xml.problem(node, format!("`{name}`: {error}"))),
             None => Err(self.xml.problem(node, format!("`{entry}` has no {name}"))),
         };
-        let bytes = read(self.home.package, &entry)?;
+        let bytes = read(self.context.package, &entry)?;
         let inner;
-        let (home, file, bytes) = if is_package {
+        let (context, file, bytes) = if is_package {
             let archive = Archive::read(bytes);
             inner = Package::Archive(archive.map_err(|error| self.xml.problem(node, format!("`{entry}`: {error}")))?);
             let bytes = read(&inner, DESCRIPTION)?;
-            let home = Home {
+            let context = DescriptionContext {
                 package: &inner,
-                prefix: format!("{}{entry}!/", self.home.prefix),
+                prefix: format!("{}{entry}!/", self.context.prefix),
                 folder: String::new(),
             };
-            (home, DESCRIPTION, bytes)
+            (context, DESCRIPTION, bytes)
         } else {
-            let home = Home {
-                package: self.home.package,
-                prefix: self.home.prefix.clone(),
+            let context = DescriptionContext {
+                package: self.context.package,
+                prefix: self.context.prefix.clone(),
                 folder: entry
                     .rsplit_once('/')
                     .map_or(String::new(), |(folder, _)| format!("{folder}/")),
             };
-            (home, entry.as_str(), bytes)
+            (context, entry.as_str(), bytes)
         };
-        described(&home, file, &bytes, &mut self.found, |reader| {
+        read_description(&context, file, &bytes, &mut self.found, |reader| {
             reader.inner(own, depth + 1)
         })
     }
@@ -82,7 +82,7 @@ impl<'a> Reader<'a> {
         for outer in std::mem::take(&mut element.connectors) {
             let inside = connectors.iter_mut().find(|one| one.name == outer.name);
             let reason = match inside {
-                Some(inside) if inside.kind == outer.kind || outer.kind == Kind::Open => {
+                Some(inside) if inside.kind == outer.kind || outer.kind == ConnectorKind::Open => {
                     inside.unit = outer.unit.or(inside.unit.take());
                     continue;
                 }

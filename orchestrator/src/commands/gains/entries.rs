@@ -90,7 +90,7 @@ pub fn optima(spec: &Spec, robot: &Robot, adversary: &[ModelSpec]) -> Vec<Optimu
 
 /// Both margins of the first `count` models of the specification. `next` is called with the number of computed margins and
 /// the total, and returns whether to stop.
-pub fn stated_margins(
+pub fn margin_entries(
     spec: &Spec,
     robot: &Robot,
     gains: &Gains,

@@ -73,7 +73,7 @@ fn look_up_one(specification: &Path, model: &mut ModelSpec) -> anyhow::Result<()
 ///
 /// # Errors
 /// As [`look_up`].
-pub fn recall(specification: &Path, spec: &mut Spec, recorded: &[ModelSpec]) -> anyhow::Result<()> {
+pub fn restore_recorded_angles(specification: &Path, spec: &mut Spec, recorded: &[ModelSpec]) -> anyhow::Result<()> {
     for model in &mut spec.models {
         let same = |then: &&ModelSpec| then.name == model.name && then.at == model.at;
         let (Some(at), Some(then)) = (&model.at, recorded.iter().find(same)) else {

@@ -8,13 +8,13 @@ mod reporter;
 mod sliding;
 mod tables;
 
-pub use entries::{channel_entries, contradictions, optima, sampled_entries, stated_margins, validation_entry};
+pub use entries::{channel_entries, contradictions, margin_entries, optima, sampled_entries, validation_entry};
 pub use files::{load, write};
-pub use lookup::{look_up, override_with, recall};
+pub use lookup::{look_up, override_with, restore_recorded_angles};
 pub use plots::plots;
 pub use reporter::Reporter;
 pub use sliding::{sliding_gain, take_sliding_gain};
-pub use tables::{print_flown, print_margins, print_sampled, print_validation};
+pub use tables::{print_closed_loop, print_margins, print_sampled, print_validation};
 
 /// The number of threads to use.
 pub fn threads() -> usize {

@@ -24,7 +24,7 @@ pub fn plots(
     let mut all = vec![
         (
             "channels.svg".to_string(),
-            drawn(
+            render_svg(
                 "Weighted channels: largest singular value",
                 "gain",
                 channels(problem, &closed)?,
@@ -32,7 +32,7 @@ pub fn plots(
         ),
         (
             "sensitivity.svg".to_string(),
-            drawn(
+            render_svg(
                 "Sensitivity against its bounds",
                 "|S|",
                 sensitivity(spec, robot, &closed)?,
@@ -42,7 +42,7 @@ pub fn plots(
     if with_mu {
         all.push((
             "mu.svg".to_string(),
-            drawn(
+            render_svg(
                 "mu for multiplicative errors at the actuators",
                 "mu",
                 mu(spec, robot, gains)?,
@@ -53,7 +53,7 @@ pub fn plots(
 }
 
 /// Curves over frequency as SVG, both axes logarithmic.
-fn drawn(title: &str, y_label: &str, mut curves: Vec<Curve>) -> String {
+fn render_svg(title: &str, y_label: &str, mut curves: Vec<Curve>) -> String {
     let usable = |[x, y]: &[f64; 2]| *x > 0.0 && x.is_finite() && *y > 0.0 && y.is_finite();
     for curve in &mut curves {
         curve.points.retain(usable);

@@ -29,7 +29,7 @@ impl<'a> Reporter<'a> {
     }
 
     /// Shows `text`, if an update is due.
-    pub fn say(&self, text: impl FnOnce() -> String) -> SearchControl {
+    pub fn show(&self, text: impl FnOnce() -> String) -> SearchControl {
         self.line()
             .show(|| format!("{}, {:.0} s so far", text(), self.started.elapsed().as_secs_f64()));
         if self.stop.load(Ordering::Relaxed) {
@@ -40,12 +40,12 @@ impl<'a> Reporter<'a> {
     }
 
     /// Reports `what` number `done` of `all`; returns whether to stop before it.
-    pub fn next(&self, what: &str, done: usize, all: usize) -> bool {
-        self.say(|| format!("{what} {} of {all}", done + 1)) == SearchControl::Stop
+    pub fn progress_or_stop(&self, what: &str, done: usize, all: usize) -> bool {
+        self.show(|| format!("{what} {} of {all}", done + 1)) == SearchControl::Stop
     }
 
     /// Ends the report.
-    pub fn over(&self) {
+    pub fn finish(&self) {
         self.line().clear();
     }
 }

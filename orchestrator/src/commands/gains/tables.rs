@@ -5,7 +5,7 @@ use std::io::Write;
 use synthesis::robot::{ClosedLoopEntry, MarginEntry, SampledEntry, Spec, ValidationEntry};
 
 /// The table of closed-loop simulations.
-pub fn print_flown(out: &mut impl Write, list: &[ClosedLoopEntry]) -> anyhow::Result<()> {
+pub fn print_closed_loop(out: &mut impl Write, list: &[ClosedLoopEntry]) -> anyhow::Result<()> {
     if list.is_empty() {
         return Ok(());
     }

@@ -57,9 +57,9 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
     };
     let reporter = Reporter::new(stop);
     let tuned = tune(&problem, &options, &|p| {
-        reporter.say(|| progress_line(p, options.starts))
+        reporter.show(|| progress_line(p, options.starts))
     });
-    reporter.over();
+    reporter.finish();
     let tuned = match tuned {
         Ok(tuned) => tuned,
         Err(error) => {

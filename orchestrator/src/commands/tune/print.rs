@@ -5,7 +5,7 @@ use std::io::Write;
 use synthesis::robot::{GainsFile, Spec};
 
 use super::arguments::TuneArgs;
-use crate::commands::gains::{print_flown, print_margins, print_sampled, print_validation};
+use crate::commands::gains::{print_closed_loop, print_margins, print_sampled, print_validation};
 
 /// Prints the file in the requested form.
 pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64) -> anyhow::Result<()> {
@@ -80,7 +80,7 @@ pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64
         )?;
     }
     print_sampled(&mut out, &file.sampled)?;
-    print_flown(&mut out, &file.flown)?;
+    print_closed_loop(&mut out, &file.flown)?;
     print_margins(&mut out, &file.margins)?;
     print_validation(&mut out, spec, file.validation.as_ref())
 }

@@ -33,7 +33,7 @@ pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Res
     let reporter = Reporter::new(stop);
     let clock = Instant::now();
     let design = match design(&spec, &robot, threads(), &|step| {
-        reporter.say(|| match step {
+        reporter.show(|| match step {
             Step::Tune(p) => progress_line(p, spec.search.starts),
             Step::Validate(done) => format!("validating: {done} of {}", spec.validation.samples),
             Step::Adversary(gamma) => format!("the adversary adds a situation with gamma {gamma:.3}"),
@@ -41,7 +41,7 @@ pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Res
     }) {
         Ok(design) => design,
         Err(error) => {
-            reporter.over();
+            reporter.finish();
             eprintln!("error: {}: {error}", args.spec.display());
             return Ok(match &error {
                 ValidateError::Tune(error) => failure(error),
@@ -49,7 +49,7 @@ pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Res
             });
         }
     };
-    reporter.over();
+    reporter.finish();
     let tuning = clock.elapsed().as_secs_f64();
     if let Some(path) = &args.export_problem {
         let d = &design;

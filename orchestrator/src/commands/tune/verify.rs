@@ -6,7 +6,7 @@ use synthesis::tuner::Verdict;
 use super::arguments::TuneArgs;
 use crate::catalogue::catalogue;
 use crate::commands::gains::{
-    Reporter, channel_entries, contradictions, optima, plots, sampled_entries, stated_margins, validation_entry, write,
+    Reporter, channel_entries, contradictions, margin_entries, optima, plots, sampled_entries, validation_entry, write,
 };
 use capture::closed_loop;
 
@@ -27,8 +27,8 @@ pub(super) fn verify(
     }
     // The gains were expensive: later failures are reported in addition to them and do not discard them.
     if !args.no_margins {
-        match stated_margins(spec, robot, &design.gains, usize::MAX, &|done, all| {
-            reporter.next("margins of model", done, all)
+        match margin_entries(spec, robot, &design.gains, usize::MAX, &|done, all| {
+            reporter.progress_or_stop("margins of model", done, all)
         }) {
             Ok(margins) => file.margins = margins,
             Err(error) => complaints.push(format!("margins: {error:#}")),
@@ -36,13 +36,13 @@ pub(super) fn verify(
     }
     if !args.no_flights {
         match closed_loop::simulate_gains(catalogue(), &args.spec, spec, robot, &design.gains, &|done, all| {
-            reporter.next("flight", done, all)
+            reporter.progress_or_stop("flight", done, all)
         }) {
             Ok(flown) => file.flown = flown,
             Err(error) => complaints.push(format!("flights: {error:#}")),
         }
     }
-    reporter.over();
+    reporter.finish();
     if let Some(v) = &design.validation {
         file.validation = Some(validation_entry(v));
     }

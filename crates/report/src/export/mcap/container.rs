@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use super::lz4;
-use crate::export::file::{About, Counted};
+use crate::export::file::{CountingWriter, Metadata};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 /// Compression of an MCAP file.
@@ -81,7 +81,7 @@ impl Content {
 
 /// An MCAP file being written.
 pub(super) struct Container<'a, W: Write> {
-    file: Counted<'a, W>,
+    file: CountingWriter<'a, W>,
     compression: Compression,
     metadata: Vec<Vec<u8>>,
     schemas: Vec<Vec<u8>>,
@@ -106,7 +106,7 @@ fn number(count: usize) -> io::Result<u16> {
 }
 
 impl<'a, W: Write> Container<'a, W> {
-    pub(super) fn begin(mut file: Counted<'a, W>, compression: Compression) -> io::Result<Container<'a, W>> {
+    pub(super) fn begin(mut file: CountingWriter<'a, W>, compression: Compression) -> io::Result<Container<'a, W>> {
         file.put(MAGIC)?;
         let header = Content::default()
             .bytes(b"")
@@ -128,7 +128,7 @@ impl<'a, W: Write> Container<'a, W> {
     }
 
     /// Writes keys and values under a name.
-    pub(super) fn metadata(&mut self, name: &str, about: &About) -> io::Result<()> {
+    pub(super) fn metadata(&mut self, name: &str, about: &Metadata) -> io::Result<()> {
         let pairs: Vec<(String, String)> = about
             .iter()
             .map(|(key, value)| ((*key).to_owned(), value.clone()))

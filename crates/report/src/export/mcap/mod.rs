@@ -9,7 +9,7 @@ mod transforms;
 use std::fs::File;
 use std::io::BufWriter;
 
-use super::file::{About, Counted, WriteError};
+use super::file::{CountingWriter, Metadata, WriteError};
 use crate::scene::{Scene, bind};
 pub use container::Compression;
 use container::Container;
@@ -54,11 +54,11 @@ impl Topic<'_> {
 pub(super) fn write(
     source: &dyn Source,
     scene: Option<&Scene>,
-    about: &About,
+    about: &Metadata,
     compression: Compression,
     out: &mut BufWriter<File>,
 ) -> Result<(), WriteError> {
-    let mut file = Container::begin(Counted::new(out), compression)?;
+    let mut file = Container::begin(CountingWriter::new(out), compression)?;
     if !about.is_empty() {
         file.metadata("escapement", about)?;
     }
@@ -114,10 +114,10 @@ pub(super) fn write(
         topic.schema.encode(&topic.payload, &mut message);
         file.message(topic.channel, topic.index as u32, time, &message)?;
         if let Some(stage) = &mut stage {
-            stage.take(stream, &topic.payload);
+            stage.apply_record(stream, &topic.payload);
         }
         if let (Some(poses), Some(channel)) = (&mut topic.poses, transforms)
-            && poses.due(topic.stamp_s, 1.0 / TRANSFORM_RATE)
+            && poses.is_due(topic.stamp_s, 1.0 / TRANSFORM_RATE)
         {
             message.clear();
             poses.encode(&topic.payload, time, stage.as_ref(), &mut message);

@@ -3,7 +3,7 @@
 use lockstep::port::Field;
 
 use super::proto;
-use crate::scene::{BoundBody, BoundScene, Kind, Link, Model, Part, Solid, put};
+use crate::scene::{BoundBody, BoundScene, ChannelElement, Kind, Link, Model, Solid, write_elements};
 use tape::StreamSpec;
 
 /// A pose among the fields of a payload: frame `child` in frame `parent`.
@@ -23,7 +23,7 @@ pub(super) struct Poses {
 }
 
 /// The bodies of a scene, in the state after the records so far.
-pub(super) struct Stage {
+pub(super) struct SceneState {
     scene: BoundScene,
     /// The frame of the messages that a body is attached to, where its pose is one of theirs.
     frames: Vec<Option<String>>,
@@ -32,9 +32,9 @@ pub(super) struct Stage {
 
 /// Assigns transforms to streams. A frame has one source: when several streams have its pose, those that the bodies of the
 /// scene follow come first, in the order of the bodies, then the others in the order of the streams.
-pub(super) fn assign(streams: &[StreamSpec], scene: Option<&BoundScene>) -> (Vec<Option<Poses>>, Option<Stage>) {
+pub(super) fn assign(streams: &[StreamSpec], scene: Option<&BoundScene>) -> (Vec<Option<Poses>>, Option<SceneState>) {
     let leads: Vec<usize> = scene.map_or_else(Vec::new, |scene| {
-        scene.bodies().iter().map(|body| lead(scene, body)).collect()
+        scene.bodies().iter().map(|body| leading_stream(scene, body)).collect()
     });
     let mut order: Vec<usize> = (0..streams.len()).collect();
     order.sort_by_key(|at| leads.iter().position(|lead| lead == at).unwrap_or(usize::MAX));
@@ -48,10 +48,10 @@ pub(super) fn assign(streams: &[StreamSpec], scene: Option<&BoundScene>) -> (Vec
     }
     let stage = scene.map(|scene| {
         let frame = |(body, lead): (&BoundBody, &usize)| {
-            let pose = poses[*lead].iter().find(|pose| follows(scene, body, pose))?;
+            let pose = poses[*lead].iter().find(|pose| has_same_pose(scene, body, pose))?;
             Some(pose.child.clone())
         };
-        Stage {
+        SceneState {
             frames: scene.bodies().iter().zip(&leads).map(frame).collect(),
             numbers: scene
                 .channels
@@ -73,29 +73,34 @@ pub(super) fn assign(streams: &[StreamSpec], scene: Option<&BoundScene>) -> (Vec
     (all.collect(), stage)
 }
 
-fn fixed(part: &Part) -> f64 {
+fn fixed(part: &ChannelElement) -> f64 {
     match part {
-        Part::Fixed(x) => *x,
-        Part::Element { .. } => f64::NAN,
+        ChannelElement::Fixed(x) => *x,
+        ChannelElement::Element { .. } => f64::NAN,
     }
 }
 
 /// The stream whose records a body moves with.
-fn lead(scene: &BoundScene, body: &BoundBody) -> usize {
+fn leading_stream(scene: &BoundScene, body: &BoundBody) -> usize {
     let channels = [Some(body.position), body.attitude].into_iter().flatten();
     let mut parts = channels.flat_map(|at| &scene.channels.list[at].parts);
     let stream = parts.find_map(|part| match part {
-        Part::Element { stream, .. } => Some(*stream),
-        Part::Fixed(_) => None,
+        ChannelElement::Element { stream, .. } => Some(*stream),
+        ChannelElement::Fixed(_) => None,
     });
     stream.unwrap_or(scene.lead)
 }
 
 /// Whether a body has exactly the pose of these fields.
-fn follows(scene: &BoundScene, body: &BoundBody, pose: &Pose) -> bool {
+fn has_same_pose(scene: &BoundScene, body: &BoundBody, pose: &Pose) -> bool {
     let is = |channel: usize, wanted: &Field| {
         let parts = &scene.channels.list[channel].parts;
-        let same = |(at, part): (usize, &Part)| matches!(part, Part::Element { field, index, scale, .. } if field == wanted && *index == at && *scale == 1.0);
+        let same = |(at, part): (usize, &ChannelElement)| match part {
+            ChannelElement::Element {
+                field, index, scale, ..
+            } => field == wanted && *index == at && *scale == 1.0,
+            ChannelElement::Fixed(_) => false,
+        };
         parts.len() == wanted.len() && parts.iter().enumerate().all(same)
     };
     is(body.position, &pose.position) && body.attitude.is_some_and(|attitude| is(attitude, &pose.attitude))
@@ -122,7 +127,7 @@ fn poses_of(spec: &StreamSpec) -> Vec<Pose> {
 
 impl Poses {
     /// Whether a transform is to be written at `stamp_s`, given at least `distance_s` between two.
-    pub(super) fn due(&mut self, stamp_s: f64, distance_s: f64) -> bool {
+    pub(super) fn is_due(&mut self, stamp_s: f64, distance_s: f64) -> bool {
         // Half a per mille of tolerance: rounding must not reject stamps at exactly the distance.
         if stamp_s < self.next_s - 5e-4 * distance_s {
             return false;
@@ -132,7 +137,7 @@ impl Poses {
     }
 
     /// A `FrameTransforms` message.
-    pub(super) fn encode(&self, payload: &[u8], nanos: u64, stage: Option<&Stage>, out: &mut Vec<u8>) {
+    pub(super) fn encode(&self, payload: &[u8], nanos: u64, stage: Option<&SceneState>, out: &mut Vec<u8>) {
         for pose in &self.poses {
             let p = std::array::from_fn(|i| pose.position.value(payload, i));
             let q: [f64; 4] = std::array::from_fn(|i| pose.attitude.value(payload, i));
@@ -149,17 +154,17 @@ impl Poses {
     }
 }
 
-impl Stage {
+impl SceneState {
     /// Applies a record of a stream to the bodies.
-    pub(super) fn take(&mut self, stream: usize, payload: &[u8]) {
+    pub(super) fn apply_record(&mut self, stream: usize, payload: &[u8]) {
         for (channel, numbers) in self.scene.channels.list.iter().zip(&mut self.numbers) {
-            put(channel, stream, payload, numbers);
+            write_elements(channel, stream, payload, numbers);
         }
     }
 
-    fn drawn<const N: usize>(&self, channel: usize) -> Option<[f64; N]> {
+    fn drawn_values<const N: usize>(&self, channel: usize) -> Option<[f64; N]> {
         let mut out = Vec::with_capacity(N);
-        self.scene.channels.list[channel].drawn(&self.numbers[channel], |x| out.push(x));
+        self.scene.channels.list[channel].drawn_values(&self.numbers[channel], |x| out.push(x));
         let numbers = <[f64; N]>::try_from(out).ok()?;
         numbers.iter().all(|x| x.is_finite()).then_some(numbers)
     }
@@ -170,12 +175,12 @@ impl Stage {
         let root = match &self.frames[at] {
             Some(frame) => frame,
             None => {
-                let Some(p) = self.drawn::<3>(body.position) else {
+                let Some(p) = self.drawn_values::<3>(body.position) else {
                     return;
                 };
                 let q = body
                     .attitude
-                    .map_or(Some([1.0, 0.0, 0.0, 0.0]), |attitude| self.drawn::<4>(attitude));
+                    .map_or(Some([1.0, 0.0, 0.0, 0.0]), |attitude| self.drawn_values::<4>(attitude));
                 let length = q.map_or(0.0, |q| q.iter().map(|x| x * x).sum::<f64>().sqrt());
                 let Some(q) = q.filter(|_| length > 0.5) else { return };
                 let world = if self.scene.frame.is_empty() {
@@ -241,14 +246,14 @@ fn links(out: &mut Vec<u8>, nanos: u64, model: &Model, prefix: &str, root: &str,
                 p = std::array::from_fn(|i| p[i] + moved[i]);
             } else {
                 let (s, c) = (value / 2.0).sin_cos();
-                q = times(fixed, [c, s * u[0], s * u[1], s * u[2]]);
+                q = quaternion_product(fixed, [c, s * u[0], s * u[1], s * u[2]]);
             }
         }
         transform(out, nanos, &parent, &child, p, q);
     }
 }
 
-fn times(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+fn quaternion_product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     [
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -258,7 +263,10 @@ fn times(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
 }
 
 fn rotate(q: [f64; 4], v: [f64; 3]) -> [f64; 3] {
-    let [_, x, y, z] = times(times(q, [0.0, v[0], v[1], v[2]]), [q[0], -q[1], -q[2], -q[3]]);
+    let [_, x, y, z] = quaternion_product(
+        quaternion_product(q, [0.0, v[0], v[1], v[2]]),
+        [q[0], -q[1], -q[2], -q[3]],
+    );
     [x, y, z]
 }
 
@@ -266,7 +274,10 @@ fn rotate(q: [f64; 4], v: [f64; 3]) -> [f64; 3] {
 fn from_rpy([roll, pitch, yaw]: [f64; 3]) -> [f64; 4] {
     let half = |angle: f64| (angle / 2.0).sin_cos();
     let ((sr, cr), (sp, cp), (sy, cy)) = (half(roll), half(pitch), half(yaw));
-    times(times([cy, 0.0, 0.0, sy], [cp, 0.0, sp, 0.0]), [cr, sr, 0.0, 0.0])
+    quaternion_product(
+        quaternion_product([cy, 0.0, 0.0, sy], [cp, 0.0, sp, 0.0]),
+        [cr, sr, 0.0, 0.0],
+    )
 }
 
 fn timestamp(out: &mut Vec<u8>, number: u32, nanos: u64) {

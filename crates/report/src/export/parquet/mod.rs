@@ -17,7 +17,7 @@ use lockstep::port::{Content, Element};
 use serde_json::json;
 
 use super::columns::{Column, TIME, columns, descriptor};
-use super::file::{About, Counted, WriteError};
+use super::file::{CountingWriter, Metadata, WriteError};
 use crate::page::base64;
 use footer::{BOOLEAN, Chunk, Leaf, describe};
 use page::{levels, page_header};
@@ -63,7 +63,7 @@ fn put_cell(column: &Column<'_>, payload: &[u8], values: &mut Vec<u8>) {
 }
 
 /// Truth values take one bit each, least significant bit first.
-fn pack(truths: &mut Vec<u8>) {
+fn pack_bits(truths: &mut Vec<u8>) {
     let bits = truths.chunks(8).map(|eight| {
         let each = eight.iter().enumerate();
         each.fold(0, |bits, (at, truth)| bits | (truth & 1) << at)
@@ -74,7 +74,7 @@ fn pack(truths: &mut Vec<u8>) {
 pub(super) fn write(
     source: &dyn Source,
     stream: usize,
-    about: &About,
+    about: &Metadata,
     out: &mut BufWriter<File>,
 ) -> Result<(), WriteError> {
     let spec = &source.streams()[stream];
@@ -82,7 +82,7 @@ pub(super) fn write(
     let leaves: Vec<Leaf<'_>> = std::iter::once(Leaf::of(TIME, Element::F64, 1))
         .chain(columns.iter().map(|c| Leaf::of(&c.name, c.field.element, c.elements)))
         .collect();
-    let mut file = Counted::new(out);
+    let mut file = CountingWriter::new(out);
     file.put(b"PAR1")?;
     let row_bytes = 8 + columns.iter().map(width).sum::<usize>();
     let rows_at_once = (GROUP_BYTES / row_bytes).max(1) as u64;
@@ -103,7 +103,7 @@ pub(super) fn write(
         for (values, leaf) in values.iter_mut().zip(&leaves) {
             let offset = file.position;
             if leaf.physical == BOOLEAN {
-                pack(values);
+                pack_bits(values);
             }
             let levels = levels(leaf.cell, rows);
             file.put(&page_header(levels.len() + values.len(), rows * leaf.values()))?;
@@ -126,7 +126,7 @@ pub(super) fn write(
 
 fn footer(
     spec: &StreamSpec,
-    about: &About,
+    about: &Metadata,
     columns: &[Column<'_>],
     leaves: &[Leaf<'_>],
     groups: &[(u64, Vec<Chunk>)],

@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn levels_of_lists_are_two_runs_a_row() {
+    fn list_levels_are_two_runs_per_row() {
         assert!(levels(Cell::One, 7).is_empty());
         // Two lists of 300: a start and 299 further elements each; 600 elements present.
         let begins = [2, 0, 0xd6, 0x04, 1, 2, 0, 0xd6, 0x04, 1];

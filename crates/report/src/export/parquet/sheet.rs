@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 use super::footer::{Cell, Chunk, Leaf, describe};
 use super::page::page_header;
-use crate::export::file::Counted;
+use crate::export::file::CountingWriter;
 use crate::export::sheet::{Cells, Sheet};
 use crate::export::varint::varint;
 
@@ -26,7 +26,7 @@ fn types(cells: &Cells) -> (i32, Option<i32>) {
 
 pub(crate) fn write(sheet: &Sheet, out: &mut BufWriter<File>) -> io::Result<()> {
     let rows = sheet.rows();
-    let mut file = Counted::new(out);
+    let mut file = CountingWriter::new(out);
     file.put(b"PAR1")?;
     let names = sheet.headings();
     let (mut leaves, mut chunks, mut units) = (Vec::new(), Vec::new(), Map::new());

@@ -4,31 +4,31 @@ use engine::run::{Options, Outcome, Record, Run, RunFailure, run};
 use engine::scenario::Scenario;
 use rustix::time::{ClockId, clock_gettime};
 
-use super::Figures;
+use super::Measurements;
 
 /// Wall-clock time of a scenario, s; for the fields that state it, CPU time of the stepping thread.
-pub struct Share {
+pub struct Overhead {
     /// One process, nothing recorded.
-    pub alone: Figures,
+    pub alone: Measurements,
     /// One process, recorded.
-    pub recorded: Figures,
+    pub recorded: Measurements,
     /// One process per participant, recorded.
-    pub processes: Figures,
+    pub processes: Measurements,
     /// CPU time in one process: all outputs are computed and their newest samples kept, as for a program that reads them,
     /// and nothing else.
-    pub own_computed: Figures,
+    pub own_computed: Measurements,
     /// CPU time in one process, recorded.
-    pub own_recorded: Figures,
+    pub own_recorded: Measurements,
 }
 
 /// Measures `rounds` rounds of each, alternating. Run folders go to `out` and are removed.
-pub fn share(scenario: &Scenario, rounds: usize, out: &std::path::Path) -> anyhow::Result<Share> {
-    let mut all = Share {
-        alone: Figures::default(),
-        recorded: Figures::default(),
-        processes: Figures::default(),
-        own_computed: Figures::default(),
-        own_recorded: Figures::default(),
+pub fn overhead(scenario: &Scenario, rounds: usize, out: &std::path::Path) -> anyhow::Result<Overhead> {
+    let mut all = Overhead {
+        alone: Measurements::default(),
+        recorded: Measurements::default(),
+        processes: Measurements::default(),
+        own_computed: Measurements::default(),
+        own_recorded: Measurements::default(),
     };
     let alone = Options {
         in_process: true,

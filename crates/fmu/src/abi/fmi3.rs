@@ -74,7 +74,7 @@ functions! {
 }
 
 /// An instance.
-pub struct Three {
+pub struct Fmi3Instance {
     instance: Pointer,
     functions: Functions,
     state: Option<StateFunctions>,
@@ -84,9 +84,9 @@ pub struct Three {
 }
 
 // SAFETY: an instance is used by one thread at a time, as the standard requires; the thread may change.
-unsafe impl Send for Three {}
+unsafe impl Send for Fmi3Instance {}
 
-impl Three {
+impl Fmi3Instance {
     pub(super) fn new(
         description: &Description,
         library: &Path,
@@ -94,11 +94,11 @@ impl Three {
         name: &str,
         log: &Log,
         guard: Option<Guard>,
-    ) -> Result<Three, LoadError> {
+    ) -> Result<Fmi3Instance, LoadError> {
         let loaded = Library::load(library, guard)?;
         let functions = Functions::load(&loaded)?;
         let state = description
-            .abilities
+            .capabilities
             .serialise
             .then(|| StateFunctions::load(&loaded))
             .transpose()?;
@@ -132,7 +132,7 @@ impl Three {
         if instance.is_null() {
             return Err(LoadError::Instantiate(log.take()));
         }
-        let three = Three {
+        let three = Fmi3Instance {
             instance,
             functions,
             state,
@@ -173,7 +173,7 @@ impl Three {
     }
 }
 
-impl Three {
+impl Fmi3Instance {
     fn get_contents(&self, values: &mut Values) -> Status {
         let Some(own) = &self.contents else {
             return Status::Error;
@@ -188,7 +188,7 @@ impl Three {
                 Native::Text => (own.get_string)(self.instance, references, count, pointers.cast(), room),
                 _ => (own.get_binary)(self.instance, references, count, sizes, pointers, room),
             });
-            if status.done() {
+            if status.succeeded() {
                 values.take(&given);
             }
             status
@@ -210,7 +210,7 @@ impl Three {
     }
 }
 
-impl Instance for Three {
+impl Instance for Fmi3Instance {
     fn configure(&mut self, entering: bool) -> Status {
         let own = &self.functions;
         let function = if entering {
@@ -227,7 +227,7 @@ impl Instance for Three {
         let enter = self.functions.enter_initialisation;
         // SAFETY: the instance is alive.
         match Status::of(unsafe { enter(self.instance, defined, tolerance, start, false, 0.0) }) {
-            status if status.done() => Ok(()),
+            status if status.succeeded() => Ok(()),
             status => Err(("fmi3EnterInitializationMode", status)),
         }
     }
@@ -320,7 +320,7 @@ impl Instance for Three {
             return Err(("fmi3SerializeFMUState", Status::Error));
         };
         let check = |name, status: c_int| match Status::of(status) {
-            status if status.done() => Ok(()),
+            status if status.succeeded() => Ok(()),
             status => Err((name, status)),
         };
         let mut state = std::ptr::null_mut();
@@ -354,12 +354,12 @@ impl Instance for Three {
         // SAFETY: the instance is alive; the bytes are those of an instance of the same FMU, which the caller has checked.
         unsafe {
             let made = (own.deserialise)(self.instance, bytes.as_ptr(), bytes.len(), &raw mut state);
-            if !Status::of(made).done() {
+            if !Status::of(made).succeeded() {
                 return Err(("fmi3DeserializeFMUState", Status::of(made)));
             }
             let set = Status::of((own.set)(self.instance, state));
             (own.free)(self.instance, &raw mut state);
-            if set.done() {
+            if set.succeeded() {
                 Ok(())
             } else {
                 Err(("fmi3SetFMUState", set))

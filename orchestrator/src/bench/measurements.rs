@@ -2,9 +2,9 @@
 
 /// Results of repeated measurements, in the order of measurement.
 #[derive(Debug, Clone, Default)]
-pub struct Figures(Vec<f64>);
+pub struct Measurements(Vec<f64>);
 
-impl Figures {
+impl Measurements {
     /// Adds a result.
     pub fn add(&mut self, figure: f64) {
         self.0.push(figure);
@@ -19,7 +19,7 @@ impl Figures {
     }
 
     /// The ratio of each measurement to the one of `other` taken next to it: varying load of the machine affects both.
-    pub fn beside(&self, other: &Figures) -> Figures {
-        Figures(self.0.iter().zip(&other.0).map(|(one, other)| one / other).collect())
+    pub fn ratios_to(&self, other: &Measurements) -> Measurements {
+        Measurements(self.0.iter().zip(&other.0).map(|(one, other)| one / other).collect())
     }
 }

@@ -15,13 +15,13 @@ use crate::table::{self, CONTINUOUS, FAILED, Host, Message, OK, SAMPLED, SEEN_EV
 
 /// The host structure of a participant, with the data behind it. Foreign code sees only the first field.
 #[repr(C)]
-pub(crate) struct Seat {
+pub(crate) struct HostContext {
     pub(crate) host: Host,
-    pub(crate) said: Said,
+    pub(crate) data: HostData,
 }
 
 /// What a participant has reported, and the data that it may read.
-pub(crate) struct Said {
+pub(crate) struct HostData {
     pub(crate) name: String,
     /// For the calls of its functions.
     pub(crate) guard: Guard,
@@ -50,16 +50,16 @@ pub(crate) struct Said {
     pub(crate) seen: RefCell<Vec<u32>>,
     /// The destination of log lines of the current call; `None` outside of a run.
     pub(crate) log: RefCell<Option<Log>>,
-    /// Why the participant's part is over.
+    /// Why the participant was terminated.
     pub(crate) termination: Cell<u32>,
 }
 
-impl Seat {
-    pub(crate) fn new(setup: &Setup) -> Seat {
+impl HostContext {
+    pub(crate) fn new(setup: &Setup) -> HostContext {
         let c_name = CString::new(setup.name.as_str()).unwrap_or_default();
         let parameters = Parameters::new(setup.parameters.clone());
         let document = CString::new(parameters.text()).unwrap_or_default();
-        Seat {
+        HostContext {
             host: Host {
                 size: size_of::<Host>() as u32,
                 abi: table::ABI,
@@ -84,7 +84,7 @@ impl Seat {
                 seen,
                 termination,
             },
-            said: Said {
+            data: HostData {
                 name: setup.name.clone(),
                 guard: Guard::new(&setup.name, |function| {
                     format!(
@@ -113,7 +113,7 @@ impl Seat {
     }
 }
 
-impl Said {
+impl HostData {
     /// Keeps the first rejection: later ones may follow from it.
     fn refuse(&self, error: ParameterError) -> Status {
         self.refusal.borrow_mut().get_or_insert(error);
@@ -121,7 +121,7 @@ impl Said {
     }
 
     /// Writes a line to the log, at the instant of the current call.
-    pub(crate) fn say(&self, text: &str) {
+    pub(crate) fn log_line(&self, text: &str) {
         let log = self.log.borrow().clone();
         let log = log.unwrap_or_else(|| Log::new(&self.name, None));
         match self.now.get() {
@@ -157,12 +157,12 @@ impl Said {
         }
     }
 
-    fn about_ports(&self, reason: impl Into<String>) -> Status {
+    fn refuse_ports(&self, reason: impl Into<String>) -> Status {
         self.refuse(ParameterError::new(crate::NO_PARTICIPANT, reason.into()))
     }
 
-    /// Answers a request of foreign code for a value: `put` delivers it, if there is one.
-    fn answer<T>(&self, found: impl FnOnce() -> Found<T>, put: impl FnOnce(T)) -> Status {
+    /// Delivers a value that foreign code requests by calling `put`, if there is one.
+    fn deliver<T>(&self, found: impl FnOnce() -> Found<T>, put: impl FnOnce(T)) -> Status {
         if !self.describing.get() {
             return self.fail("parameters can be read in `describe` only");
         }
@@ -187,35 +187,35 @@ impl Said {
 ///
 /// # Safety
 /// `host` must be the one that the participant was given.
-unsafe fn with(host: *const Host, work: impl FnOnce(&Said) -> Status) -> Status {
+unsafe fn with_data(host: *const Host, work: impl FnOnce(&HostData) -> Status) -> Status {
     if host.is_null() {
         return FAILED;
     }
-    // SAFETY: every host that foreign code has is the first field of a seat, which lives until the end of `terminate`.
-    let said = unsafe { &(*host.cast::<Seat>()).said };
-    catch_unwind(AssertUnwindSafe(|| work(said))).unwrap_or(FAILED)
+    // SAFETY: every host that foreign code has is the first field of a host context, which lives until the end of `terminate`.
+    let data = unsafe { &(*host.cast::<HostContext>()).data };
+    catch_unwind(AssertUnwindSafe(|| work(data))).unwrap_or(FAILED)
 }
 
 /// Reads a text of foreign code.
 ///
 /// # Safety
 /// As for [`table::text`].
-unsafe fn word<'a>(at: *const c_char) -> Option<&'a str> {
+unsafe fn foreign_text<'a>(at: *const c_char) -> Option<&'a str> {
     // SAFETY: guaranteed by the caller.
     unsafe { table::text(at) }
 }
 
 unsafe extern "C" fn kind(host: *const Host, kind: u32) -> Status {
-    let work = |said: &Said| {
-        said.kind.set(match kind {
+    let work = |data: &HostData| {
+        data.kind.set(match kind {
             SAMPLED => Some(Kind::Sampled),
             CONTINUOUS => Some(Kind::Continuous),
-            other => return said.about_ports(format!("its kind is {other}: 1 is sampled, 2 is continuous")),
+            other => return data.refuse_ports(format!("its kind is {other}: 1 is sampled, 2 is continuous")),
         });
         OK
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) }
+    unsafe { with_data(host, work) }
 }
 
 /// Adds a port by calling `put` with its name and descriptor.
@@ -227,30 +227,30 @@ unsafe fn port(
     name: *const c_char,
     message: *const Message,
     what: &str,
-    put: impl FnOnce(&Said, String, Descriptor),
+    put: impl FnOnce(&HostData, String, Descriptor),
 ) -> Status {
-    let work = |said: &Said| {
-        if !said.describing.get() {
-            return said.fail("ports can be added in `describe` only");
+    let work = |data: &HostData| {
+        if !data.describing.get() {
+            return data.fail("ports can be added in `describe` only");
         }
         // SAFETY: guaranteed by the caller.
-        let (name, descriptor) = unsafe { (word(name), descriptor(message)) };
+        let (name, descriptor) = unsafe { (foreign_text(name), descriptor(message)) };
         let Some(name) = name else {
-            return said.about_ports(format!("an {what} has no name (it is NULL, or not UTF-8)"));
+            return data.refuse_ports(format!("an {what} has no name (it is NULL, or not UTF-8)"));
         };
         match descriptor {
-            Ok(descriptor) => put(said, name.to_owned(), descriptor),
-            Err(reason) => return said.about_ports(format!("{what} `{name}`: {reason}")),
+            Ok(descriptor) => put(data, name.to_owned(), descriptor),
+            Err(reason) => return data.refuse_ports(format!("{what} `{name}`: {reason}")),
         }
         OK
     };
     // SAFETY: guaranteed by the caller.
-    unsafe { with(host, work) }
+    unsafe { with_data(host, work) }
 }
 
 unsafe extern "C" fn input(host: *const Host, name: *const c_char, message: *const Message, required: u32) -> Status {
-    let put = |said: &Said, name, descriptor| {
-        said.inputs.borrow_mut().push(Input {
+    let put = |data: &HostData, name, descriptor| {
+        data.inputs.borrow_mut().push(Input {
             name,
             descriptor,
             required: required != 0,
@@ -261,7 +261,7 @@ unsafe extern "C" fn input(host: *const Host, name: *const c_char, message: *con
 }
 
 unsafe extern "C" fn output(host: *const Host, name: *const c_char, message: *const Message) -> Status {
-    let put = |said: &Said, name, descriptor| said.outputs.borrow_mut().push(Output { name, descriptor });
+    let put = |data: &HostData, name, descriptor| data.outputs.borrow_mut().push(Output { name, descriptor });
     // SAFETY: foreign code keeps the rules of the ABI.
     unsafe { port(host, name, message, "output", put) }
 }
@@ -272,7 +272,7 @@ unsafe extern "C" fn output(host: *const Host, name: *const c_char, message: *co
 /// As for [`table::text`].
 unsafe fn key<'a>(key: *const c_char) -> Result<&'a str, ParameterError> {
     // SAFETY: guaranteed by the caller.
-    unsafe { word(key) }.ok_or_else(|| {
+    unsafe { foreign_text(key) }.ok_or_else(|| {
         ParameterError::new(
             crate::NO_PARTICIPANT,
             "it asks for a parameter whose key is NULL or not UTF-8",
@@ -288,167 +288,167 @@ unsafe extern "C" fn numbers(
     values: *mut f64,
     count: u32,
 ) -> Status {
-    let work = |said: &Said| {
+    let work = |data: &HostData| {
         // SAFETY: texts satisfy the ABI.
         let found = || unsafe {
-            let unit = word(unit).unwrap_or_default();
-            said.parameters.numbers(key(name)?, unit, required != 0, count as usize)
+            let unit = foreign_text(unit).unwrap_or_default();
+            data.parameters.numbers(key(name)?, unit, required != 0, count as usize)
         };
         let put = |found: Vec<f64>| {
             // SAFETY: there is room for as many as were requested, and exactly that many were found.
             unsafe { std::ptr::copy_nonoverlapping(found.as_ptr(), values, found.len()) };
         };
-        said.answer(found, put)
+        data.deliver(found, put)
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) }
+    unsafe { with_data(host, work) }
 }
 
 unsafe extern "C" fn integer(host: *const Host, name: *const c_char, required: u32, value: *mut i64) -> Status {
-    let work = |said: &Said| {
+    let work = |data: &HostData| {
         // SAFETY: texts and places satisfy the ABI.
-        let found = || unsafe { said.parameters.integer(key(name)?, required != 0) };
+        let found = || unsafe { data.parameters.integer(key(name)?, required != 0) };
         // SAFETY: as above.
-        said.answer(found, |found| unsafe { value.write(found) })
+        data.deliver(found, |found| unsafe { value.write(found) })
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) }
+    unsafe { with_data(host, work) }
 }
 
 unsafe extern "C" fn flag(host: *const Host, name: *const c_char, required: u32, value: *mut u8) -> Status {
-    let work = |said: &Said| {
+    let work = |data: &HostData| {
         // SAFETY: texts and places satisfy the ABI.
-        let found = || unsafe { said.parameters.flag(key(name)?, required != 0) };
+        let found = || unsafe { data.parameters.flag(key(name)?, required != 0) };
         // SAFETY: as above.
-        said.answer(found, |found| unsafe { value.write(found.into()) })
+        data.deliver(found, |found| unsafe { value.write(found.into()) })
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) }
+    unsafe { with_data(host, work) }
 }
 
 unsafe extern "C" fn text(host: *const Host, name: *const c_char, required: u32, value: *mut *const c_char) -> Status {
-    let work = |said: &Said| {
+    let work = |data: &HostData| {
         // SAFETY: texts and places satisfy the ABI.
         let key = unsafe { key(name) };
         let found = || {
             let key = key?;
-            let found = said.parameters.string(key, required != 0)?;
+            let found = data.parameters.string(key, required != 0)?;
             let own = found.map(CString::new).transpose();
             own.map_err(|_| ParameterError::new(key, "the text has a zero byte in it"))
         };
-        said.answer(found, |found| {
+        data.deliver(found, |found| {
             // SAFETY: the place is one for an address; the text does not move when the list grows.
             unsafe { value.write(found.as_ptr()) };
-            said.texts.borrow_mut().push(found);
+            data.texts.borrow_mut().push(found);
         })
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) }
+    unsafe { with_data(host, work) }
 }
 
 unsafe extern "C" fn whole(host: *const Host) -> *const c_char {
     let mut document = std::ptr::null();
-    let work = |said: &Said| {
-        said.parameters.all_are_read();
-        document = said.document.as_ptr();
+    let work = |data: &HostData| {
+        data.parameters.all_are_read();
+        document = data.document.as_ptr();
         OK
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) };
+    unsafe { with_data(host, work) };
     document
 }
 
 unsafe extern "C" fn refuse(host: *const Host, name: *const c_char, reason: *const c_char) -> Status {
-    let work = |said: &Said| {
+    let work = |data: &HostData| {
         // SAFETY: texts satisfy the ABI.
-        let (key, reason) = unsafe { (word(name).unwrap_or_default(), table::words(reason)) };
-        said.refuse(ParameterError::new(
+        let (key, reason) = unsafe { (foreign_text(name).unwrap_or_default(), table::words(reason)) };
+        data.refuse(ParameterError::new(
             key,
             reason.unwrap_or("refused without a reason".into()),
         ))
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) }
+    unsafe { with_data(host, work) }
 }
 
 unsafe extern "C" fn fail(host: *const Host, reason: *const c_char) -> Status {
     // SAFETY: texts satisfy the ABI; foreign code passes the host that it was given.
     unsafe {
-        with(host, |said| {
-            said.fail(&table::words(reason).unwrap_or("without a reason".into()))
+        with_data(host, |data| {
+            data.fail(&table::words(reason).unwrap_or("without a reason".into()))
         })
     }
 }
 
 unsafe extern "C" fn log(host: *const Host, text: *const c_char) {
-    let work = |said: &Said| {
+    let work = |data: &HostData| {
         // SAFETY: texts satisfy the ABI.
         let text = unsafe { table::words(text) }.unwrap_or("(NULL in the place of a text)".into());
-        said.say(&text);
+        data.log_line(&text);
         OK
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) };
+    unsafe { with_data(host, work) };
 }
 
 unsafe extern "C" fn seen(host: *const Host, output: u32) -> u32 {
     // An unknown output counts as seen.
     let mut seen = SEEN_NOW | SEEN_EVER;
-    let work = |said: &Said| {
-        seen = said.seen.borrow().get(output as usize).copied().unwrap_or(seen);
+    let work = |data: &HostData| {
+        seen = data.seen.borrow().get(output as usize).copied().unwrap_or(seen);
         OK
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) };
+    unsafe { with_data(host, work) };
     seen
 }
 
 unsafe extern "C" fn termination(host: *const Host) -> u32 {
     let mut why = 0;
-    let work = |said: &Said| {
-        why = said.termination.get();
+    let work = |data: &HostData| {
+        why = data.termination.get();
         OK
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) };
+    unsafe { with_data(host, work) };
     why
 }
 
 unsafe extern "C" fn state(host: *const Host, bytes: *const c_void, size: u64) -> Status {
-    let work = |said: &Said| {
+    let work = |data: &HostData| {
         if let Some(reason) = too_large(size) {
             // Also so that a wrong size does not make the host read what is not there.
-            return said.fail(&reason);
+            return data.fail(&reason);
         }
         let bytes = match (bytes.is_null(), usize::try_from(size)) {
             (true, Ok(0)) => Vec::new(),
             // SAFETY: there are as many bytes as foreign code states.
             (false, Ok(size)) => unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size) }.to_vec(),
-            _ => return said.fail("its `save` gave a state at NULL"),
+            _ => return data.fail("its `save` gave a state at NULL"),
         };
-        *said.state.borrow_mut() = Some(bytes);
+        *data.state.borrow_mut() = Some(bytes);
         OK
     };
     // SAFETY: foreign code passes the host that it was given.
-    unsafe { with(host, work) }
+    unsafe { with_data(host, work) }
 }
 
 /// A draw from a random stream of the run's seed.
 ///
 /// # Safety
-/// As for [`with`].
+/// As for [`with_data`].
 unsafe fn draw(host: *const Host, stream: *const c_char, number: impl FnOnce(&Stream) -> f64) -> f64 {
     let mut drawn = f64::NAN;
-    let work = |said: &Said| {
+    let work = |data: &HostData| {
         // SAFETY: texts satisfy the ABI.
-        let Some(name) = (unsafe { word(stream) }) else {
-            return said.fail("it draws from a stream whose name is NULL or not UTF-8");
+        let Some(name) = (unsafe { foreign_text(stream) }) else {
+            return data.fail("it draws from a stream whose name is NULL or not UTF-8");
         };
-        drawn = number(&Stream::new(said.seed, name));
+        drawn = number(&Stream::new(data.seed, name));
         OK
     };
     // SAFETY: guaranteed by the caller.
-    unsafe { with(host, work) };
+    unsafe { with_data(host, work) };
     drawn
 }
 

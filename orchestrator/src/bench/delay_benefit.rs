@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use engine::scenario::ScenarioSpec;
 
-use super::Figures;
+use super::Measurements;
 use super::participants::{compute, workers};
 
 /// The computing time of a step.
@@ -16,20 +16,23 @@ const DELAY_STEPS: u64 = 10;
 pub const STEPS: u64 = 20_000;
 
 /// Seconds per step of the same two participants.
-pub struct Ahead {
+pub struct DelayBenefit {
     /// In one loop.
-    pub looped: Figures,
+    pub looped: Measurements,
     /// In two processes.
-    pub processes: Figures,
+    pub processes: Measurements,
 }
 
 /// Measures `rounds` rounds of each, alternating. `run` runs a scenario, in one loop or in processes, and returns seconds
 /// per step.
-pub fn ahead(rounds: usize, mut run: impl FnMut(&ScenarioSpec, bool) -> anyhow::Result<f64>) -> anyhow::Result<Ahead> {
-    let scenario = workers(turns_of(WORK), DELAY_STEPS, STEPS);
-    let mut all = Ahead {
-        looped: Figures::default(),
-        processes: Figures::default(),
+pub fn delay_benefit(
+    rounds: usize,
+    mut run: impl FnMut(&ScenarioSpec, bool) -> anyhow::Result<f64>,
+) -> anyhow::Result<DelayBenefit> {
+    let scenario = workers(turns_in(WORK), DELAY_STEPS, STEPS);
+    let mut all = DelayBenefit {
+        looped: Measurements::default(),
+        processes: Measurements::default(),
     };
     for _ in 0..rounds {
         all.looped.add(run(&scenario, true)?);
@@ -39,7 +42,7 @@ pub fn ahead(rounds: usize, mut run: impl FnMut(&ScenarioSpec, bool) -> anyhow::
 }
 
 /// The number of loop turns that take `time` on this machine: the shortest of several trials.
-fn turns_of(time: Duration) -> u64 {
+fn turns_in(time: Duration) -> u64 {
     const TURNS: u64 = 100_000;
     let tries = (0..5).map(|_| {
         let started = Instant::now();

@@ -7,7 +7,7 @@ use tape::{ReadError, Source, StreamSpec, split_record};
 const BLOCK: u64 = 256;
 
 /// One stream resampled at the samples of a leading stream.
-pub(super) struct Held<'a> {
+pub(super) struct Resampled<'a> {
     source: &'a dyn Source,
     stream: usize,
     /// The instants of the leading stream and of this one, in common ticks; `None` where the ticks exceed 63 bits.
@@ -20,9 +20,9 @@ pub(super) struct Held<'a> {
     buffer: Vec<u8>,
 }
 
-impl<'a> Held<'a> {
+impl<'a> Resampled<'a> {
     /// Stream number `stream` of `source` at the instants of `lead`, which may belong to another run.
-    pub(super) fn new(source: &'a dyn Source, stream: usize, lead: &StreamSpec) -> Held<'a> {
+    pub(super) fn new(source: &'a dyn Source, stream: usize, lead: &StreamSpec) -> Resampled<'a> {
         let spec = &source.streams()[stream];
         let times = || {
             let base = Timebase::from_times([lead.offset, lead.period, spec.offset, spec.period]).ok()?;
@@ -34,7 +34,7 @@ impl<'a> Held<'a> {
             };
             Some((of(lead)?, of(spec)?))
         };
-        Held {
+        Resampled {
             times: times(),
             first_index: spec.first_index,
             count: source.count(stream),

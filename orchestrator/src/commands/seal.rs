@@ -9,13 +9,13 @@ use crate::line::Busy;
 
 /// Whether the command accepts a tape that differs from its seal.
 #[derive(Debug, Clone, Copy, Default, Args)]
-pub struct Trust {
+pub struct SealArgs {
     /// Read the tape even if it differs from its seal, with a warning
     #[arg(long)]
     pub unverified: bool,
 }
 
-impl Trust {
+impl SealArgs {
     /// Opens the tape in `folder`, and compares it with its seal.
     ///
     /// # Errors
@@ -32,7 +32,7 @@ impl Trust {
 }
 
 /// Names the streams that end in an incomplete record, which every command leaves out.
-pub fn name_torn(tape: &Reader) {
+pub fn warn_incomplete_records(tape: &Reader) {
     for torn in tape.incomplete_records() {
         eprintln!(
             "note: stream `{}` ends in an incomplete record, which is left out",
@@ -42,7 +42,7 @@ pub fn name_torn(tape: &Reader) {
 }
 
 /// The text of an error of a command that has `--unverified`.
-pub fn told(error: &ReadError) -> String {
+pub fn read_error_text(error: &ReadError) -> String {
     match error {
         ReadError::Altered { .. } => format!("{error} (--unverified reads it as it is)"),
         other => other.to_string(),

@@ -9,30 +9,30 @@ use toml::{Table, Value};
 
 use super::error::ReportError;
 use crate::scene::{BoundScene, Scene, bind as bind_scene};
-use crate::view::{Bound, View, Views, bind, every_field, left_out, limits_of};
+use crate::view::{BoundFigures, View, Views, bind, every_field, limits_of, omitted_fields_note};
 
 /// Figures, marks and scene, bound to the streams of a run.
-pub(super) struct Pictures {
-    pub(super) bound: Bound,
+pub(super) struct BoundViews {
+    pub(super) bound: BoundFigures,
     pub(super) marks: Vec<(String, Rational)>,
     pub(super) scene: Option<BoundScene>,
     pub(super) notes: Vec<String>,
 }
 
 /// The figures, marks and scene of a run: its scenario's, and those of the program's views.
-pub(super) fn pictures(
+pub(super) fn bind_views(
     streams: &[StreamSpec],
     plan: &Table,
     views: &[Views],
     models: &[(String, PathBuf)],
-) -> Result<Pictures, ReportError> {
+) -> Result<BoundViews, ReportError> {
     let table = |name: &str| plan.get(name).and_then(Value::as_table);
     // The plan was valid when the run began; a plan of a later version that cannot be read is drawn without its panels.
     let own = table("report")
         .and_then(|table| View::read(table).ok())
         .unwrap_or_default();
     let limits = limits_of(plan);
-    let (mut bound, mut marks, mut notes) = (Bound::default(), own.marks.clone(), Vec::new());
+    let (mut bound, mut marks, mut notes) = (BoundFigures::default(), own.marks.clone(), Vec::new());
     bind(&own.figures, streams, &limits, false, &mut bound);
     let mut scene = table("scene").and_then(|table| Scene::read(table).ok());
     for view in views {
@@ -43,10 +43,10 @@ pub(super) fn pictures(
         scene = scene.or(view.scene);
     }
     bind(&every_field(streams), streams, &limits, true, &mut bound);
-    notes.extend(left_out(streams));
+    notes.extend(omitted_fields_note(streams));
     let scene = with_models(scene, models)?;
     let scene = scene.and_then(|scene| bind_scene(&scene, streams).0);
-    Ok(Pictures {
+    Ok(BoundViews {
         bound,
         marks,
         scene,

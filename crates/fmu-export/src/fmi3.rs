@@ -9,7 +9,7 @@ use engine::Catalogue;
 use crate::call::{self, Pointer};
 use crate::instance::Instance;
 use crate::kind::{Native, Version};
-use crate::log::{Log, LoggerThree};
+use crate::log::{Log, LoggerFmi3};
 use crate::refusal::{Refusal, Status};
 
 /// The dependency kind of all dependencies: arbitrary.
@@ -24,20 +24,26 @@ pub unsafe fn instantiate(
     token: *const c_char,
     resources: *const c_char,
     environment: *mut c_void,
-    logger: Option<LoggerThree>,
+    logger: Option<LoggerFmi3>,
 ) -> Pointer {
     // SAFETY: as the caller says.
     let (token, resources) = unsafe { (call::text(token), call::text(resources)) };
-    let log = Log::Three(logger, environment);
-    if let Err(text) = call::processor() {
+    let log = Log::Fmi3(logger, environment);
+    if let Err(text) = call::check_processor() {
         log.write(Status::Error, &text);
         return std::ptr::null_mut();
     }
     let made = catch_unwind(AssertUnwindSafe(|| {
-        Instance::new(&catalogue(), Version::Three, &call::folder(&resources), &token, log)
+        Instance::new(
+            &catalogue(),
+            Version::Fmi3,
+            &call::resource_folder(&resources),
+            &token,
+            log,
+        )
     }));
     match made {
-        Ok(Ok(instance)) => call::give(instance),
+        Ok(Ok(instance)) => call::into_pointer(instance),
         Ok(Err((log, text))) => {
             log.write(Status::Error, &text);
             std::ptr::null_mut()
@@ -50,8 +56,8 @@ pub unsafe fn instantiate(
 ///
 /// # Safety
 /// `logger` has the type of the standard.
-pub unsafe fn no_instance(environment: *mut c_void, logger: Option<LoggerThree>) -> Pointer {
-    Log::Three(logger, environment).write(Status::Error, "it is for co-simulation alone");
+pub unsafe fn no_instance(environment: *mut c_void, logger: Option<LoggerFmi3>) -> Pointer {
+    Log::Fmi3(logger, environment).write(Status::Error, "it is for co-simulation alone");
     std::ptr::null_mut()
 }
 
@@ -62,7 +68,7 @@ pub unsafe fn no_instance(environment: *mut c_void, logger: Option<LoggerThree>)
 pub unsafe fn enter(instance: Pointer, start: f64) -> c_int {
     let work = |own: &mut Instance| {
         own.set_up(start)?;
-        own.initialise()
+        own.enter_initialisation()
     };
     // SAFETY: as the caller says.
     unsafe { call::call(instance, false, work) }

@@ -9,7 +9,7 @@ use engine::Catalogue;
 use crate::call::{self, Pointer};
 use crate::instance::{Instance, Mode};
 use crate::kind::{Native, Version};
-use crate::log::{Log, LoggerTwo};
+use crate::log::{Log, LoggerFmi2};
 use crate::refusal::{Refusal, Status};
 
 const CO_SIMULATION: c_int = 1;
@@ -19,7 +19,7 @@ const TERMINATED: c_int = 3;
 /// `fmi2CallbackFunctions`, as far as it is used.
 #[repr(C)]
 pub struct Callbacks {
-    logger: Option<LoggerTwo>,
+    logger: Option<LoggerFmi2>,
     allocate: *const c_void,
     free: *const c_void,
     step_finished: *const c_void,
@@ -49,10 +49,10 @@ pub unsafe fn instantiate(
     };
     let name = CString::new(name).unwrap_or_default();
     let log = match callbacks {
-        Some(own) => Log::Two(own.logger, own.environment, name),
-        None => Log::Two(None, std::ptr::null_mut(), name),
+        Some(own) => Log::Fmi2(own.logger, own.environment, name),
+        None => Log::Fmi2(None, std::ptr::null_mut(), name),
     };
-    if let Err(text) = call::processor() {
+    if let Err(text) = call::check_processor() {
         log.write(Status::Error, &text);
         return std::ptr::null_mut();
     }
@@ -61,10 +61,16 @@ pub unsafe fn instantiate(
         return std::ptr::null_mut();
     }
     let made = catch_unwind(AssertUnwindSafe(|| {
-        Instance::new(&catalogue(), Version::Two, &call::folder(&resources), &token, log)
+        Instance::new(
+            &catalogue(),
+            Version::Fmi2,
+            &call::resource_folder(&resources),
+            &token,
+            log,
+        )
     }));
     match made {
-        Ok(Ok(instance)) => call::give(instance),
+        Ok(Ok(instance)) => call::into_pointer(instance),
         Ok(Err((log, text))) => {
             log.write(Status::Error, &text);
             std::ptr::null_mut()
@@ -88,7 +94,7 @@ pub unsafe fn set_up(instance: Pointer, start: f64) -> c_int {
 /// As for [`call::call`].
 pub unsafe fn enter(instance: Pointer) -> c_int {
     // SAFETY: as the caller says.
-    unsafe { call::call(instance, false, Instance::initialise) }
+    unsafe { call::call(instance, false, Instance::enter_initialisation) }
 }
 
 /// `fmi2ExitInitializationMode`.
@@ -97,7 +103,7 @@ pub unsafe fn enter(instance: Pointer) -> c_int {
 /// As for [`call::call`].
 pub unsafe fn exit(instance: Pointer) -> c_int {
     // SAFETY: as the caller says.
-    unsafe { call::call(instance, false, Instance::initialised) }
+    unsafe { call::call(instance, false, Instance::exit_initialisation) }
 }
 
 /// `fmi2Terminate`.

@@ -73,7 +73,7 @@ const TERMINATED: c_int = 3;
 const CO_SIMULATION: c_int = 1;
 
 /// An instance.
-pub struct Two {
+pub struct Fmi2Instance {
     component: Component,
     functions: Functions,
     state: Option<StateFunctions>,
@@ -85,7 +85,7 @@ pub struct Two {
 }
 
 // SAFETY: an instance is used by one thread at a time, as the standard requires; the thread may change.
-unsafe impl Send for Two {}
+unsafe impl Send for Fmi2Instance {}
 
 /// A folder as a URI, which the standard requires for the resources.
 fn uri(folder: &Path) -> String {
@@ -97,7 +97,7 @@ fn uri(folder: &Path) -> String {
     format!("file://{}", escaped.collect::<String>())
 }
 
-impl Two {
+impl Fmi2Instance {
     pub(super) fn new(
         description: &Description,
         library: &Path,
@@ -105,11 +105,11 @@ impl Two {
         name: &str,
         log: &Log,
         guard: Option<Guard>,
-    ) -> Result<Two, LoadError> {
+    ) -> Result<Fmi2Instance, LoadError> {
         let loaded = Library::load(library, guard)?;
         let functions = Functions::load(&loaded)?;
         let state = description
-            .abilities
+            .capabilities
             .serialise
             .then(|| StateFunctions::load(&loaded))
             .transpose()?;
@@ -138,7 +138,7 @@ impl Two {
         if component.is_null() {
             return Err(LoadError::Instantiate(log.take()));
         }
-        let two = Two {
+        let two = Fmi2Instance {
             component,
             functions,
             state,
@@ -177,7 +177,7 @@ impl Two {
     }
 }
 
-impl Instance for Two {
+impl Instance for Fmi2Instance {
     fn configure(&mut self, _entering: bool) -> Status {
         Status::Ok
     }
@@ -186,12 +186,12 @@ impl Instance for Two {
         let (defined, tolerance) = (tolerance.is_some().into(), tolerance.unwrap_or(0.0));
         // SAFETY: the instance is alive.
         let status = unsafe { (self.functions.setup_experiment)(self.component, defined, tolerance, start, 0, 0.0) };
-        if !Status::of(status).done() {
+        if !Status::of(status).succeeded() {
             return Err(("fmi2SetupExperiment", Status::of(status)));
         }
         // SAFETY: the instance is alive.
         match Status::of(unsafe { (self.functions.enter_initialisation)(self.component) }) {
-            status if status.done() => Ok(()),
+            status if status.succeeded() => Ok(()),
             status => Err(("fmi2EnterInitializationMode", status)),
         }
     }
@@ -211,7 +211,7 @@ impl Instance for Two {
             return unsafe {
                 let pointers = given.pointers.as_mut_ptr();
                 let status = Status::of((texts.get_string)(self.component, references, count, pointers.cast()));
-                if status.done() {
+                if status.succeeded() {
                     values.take(&given);
                 }
                 status
@@ -251,7 +251,7 @@ impl Instance for Two {
             // SAFETY: the instance is alive; the standard defines these two functions for exactly this case.
             unsafe {
                 let known = (self.functions.get_real_status)(self.component, LAST_SUCCESSFUL_TIME, &raw mut last);
-                reached = Status::of(known).done().then_some(last);
+                reached = Status::of(known).succeeded().then_some(last);
                 (self.functions.get_boolean_status)(self.component, TERMINATED, &raw mut terminated);
             }
         }
@@ -268,7 +268,7 @@ impl Instance for Two {
             return Err(("fmi2SerializeFMUstate", Status::Error));
         };
         let check = |name, status: c_int| match Status::of(status) {
-            status if status.done() => Ok(()),
+            status if status.succeeded() => Ok(()),
             status => Err((name, status)),
         };
         let mut state = std::ptr::null_mut();
@@ -302,12 +302,12 @@ impl Instance for Two {
         // SAFETY: the instance is alive; the bytes are those of an instance of the same FMU, which the caller has checked.
         unsafe {
             let made = (own.deserialise)(self.component, bytes.as_ptr().cast(), bytes.len(), &raw mut state);
-            if !Status::of(made).done() {
+            if !Status::of(made).succeeded() {
                 return Err(("fmi2DeSerializeFMUstate", Status::of(made)));
             }
             let set = Status::of((own.set)(self.component, state));
             (own.free)(self.component, &raw mut state);
-            if set.done() {
+            if set.succeeded() {
                 Ok(())
             } else {
                 Err(("fmi2SetFMUstate", set))
