@@ -39,7 +39,7 @@ fn ended(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
 }
 
 #[test]
-fn failing_fmu_is_named_with_its_own_words() {
+fn failing_fmu_is_named_with_its_message() {
     for (fault, words) in [
         ("SEGFAULT", &["segmentation fault", "`it`"][..]),
         ("EXIT", &["exited with status 7", "`it`"]),
@@ -86,7 +86,7 @@ fn exit_in_the_program_is_a_failure_that_names_the_fmu() {
 }
 
 #[test]
-fn unpacked_fmu_of_a_dead_process_goes_with_the_next_run_in_processes() {
+fn next_run_removes_unpacked_fmu_of_a_dead_process() {
     let folder = Folder::new("unpacked");
     let file = Recipe {
         fault: "EXIT",
@@ -167,7 +167,7 @@ fn endless_step_is_ended_by_patience() {
 }
 
 #[test]
-fn fmu_that_cannot_be_saved_is_told_the_remedy_of_an_fmu() {
+fn fmu_that_cannot_be_saved_is_refused_with_fmu_remedy() {
     for version in [2, 3] {
         let folder = Folder::new("unsaved");
         let file = Recipe {
@@ -212,7 +212,7 @@ fn fmu_that_prints_does_not_spoil_a_result_in_one_process() {
 }
 
 #[test]
-fn litter_goes_with_the_run() {
+fn file_written_by_an_fmu_is_removed_with_the_run() {
     let folder = Folder::new("litter");
     let file = Recipe {
         fault: "LITTER",
@@ -244,7 +244,7 @@ fn library_that_contradicts_its_description_is_an_error() {
 }
 
 #[test]
-fn foreign_platform_is_refused_with_those_there_are() {
+fn foreign_platform_is_refused_with_available_platforms() {
     let folder = Folder::new("platform");
     let file = Recipe {
         platform: Some("win64"),
@@ -260,7 +260,7 @@ fn foreign_platform_is_refused_with_those_there_are() {
 }
 
 #[test]
-fn second_instance_in_one_process_is_refused_where_one_is_allowed() {
+fn second_instance_of_single_instance_fmu_is_refused() {
     let folder = Folder::new("single");
     let attributes = "canBeInstantiatedOnlyOncePerProcess=\"true\"";
     let file = Recipe {
@@ -282,7 +282,7 @@ fn second_instance_in_one_process_is_refused_where_one_is_allowed() {
 }
 
 #[test]
-fn archive_that_cannot_be_trusted_is_refused() {
+fn malformed_archive_is_refused() {
     let folder = Folder::new("archives");
     let description = b"<fmiModelDescription fmiVersion=\"2.0\"/>".to_vec();
     let good = archive(&[("modelDescription.xml", description.clone())]);

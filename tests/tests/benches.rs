@@ -18,7 +18,7 @@ fn child_with(parent: u32, argument: &str) -> Option<u32> {
 }
 
 #[test]
-fn bench_ends_with_a_reason_when_its_far_end_dies() {
+fn bench_ends_with_a_reason_when_its_child_dies() {
     let bench = start(&["bench", "--rounds", "1", "--participants", "2", "--deaths", "0"]);
     let started = Instant::now();
     let far = loop {

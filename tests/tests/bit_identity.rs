@@ -73,14 +73,14 @@ fn burn() -> Vec<std::process::Child> {
 }
 
 #[test]
-fn a_small_loop_of_programs() {
+fn small_loop_of_programs_has_one_tape() {
     let folder = Folder::new("bits");
     let scenario = oscillator(&folder, "damper");
     variants(&scenario, &folder, &["--duration", "300 ms"], false);
 }
 
 #[test]
-fn delays_jitter_and_drops_too() {
+fn loop_with_delays_jitter_and_drops_has_one_tape() {
     let folder = Folder::new("jitter");
     let scenario = oscillator(&folder, "damper");
     let common = [
@@ -107,7 +107,7 @@ fn stock(name: &str) -> PathBuf {
 }
 
 #[test]
-fn the_close_capture() {
+fn close_capture_has_one_tape() {
     variants(
         &stock("close.toml"),
         &Folder::new("close"),
@@ -117,7 +117,7 @@ fn the_close_capture() {
 }
 
 #[test]
-fn the_whole_close_capture_in_processes_and_in_one() {
+fn complete_close_capture_has_one_tape_in_both_ways() {
     let folder = Folder::new("whole");
     let processes = digest(&stock("close.toml"), &folder.path().join("processes"), &[]);
     let one = digest(&stock("close.toml"), &folder.path().join("one"), &["--in-process"]);
@@ -131,6 +131,6 @@ fn the_whole_close_capture_in_processes_and_in_one() {
 }
 
 #[test]
-fn the_far_capture() {
+fn far_capture_has_one_tape() {
     variants(&stock("far.toml"), &Folder::new("far"), &["--duration", "1 s"], true);
 }

@@ -103,7 +103,7 @@ fn bundle_that_is_moved_gives_the_same_table() {
 }
 
 #[test]
-fn bundle_brings_in_what_lies_outside_and_says_what_it_lacks() {
+fn bundle_includes_outside_files_and_lists_missing_ones() {
     let folder = Folder::new("outside");
     let out = |name: &str| folder.path().join(name);
     let python = folder.write("model.py", "print('no model')\n");
@@ -235,7 +235,7 @@ fn shell_gets_a_line_for_each_shard_that_is_missing() {
 }
 
 #[test]
-fn an_engine_gets_points_until_enough_is_known() {
+fn engine_gets_points_until_the_stopping_rule_holds() {
     // The second system has a separate program.
     for (program, scenario) in [
         (orchestrator().to_owned(), "examples/spring/spring.toml"),

@@ -47,7 +47,7 @@ fn edit(folder: &Path, name: &str, change: impl FnOnce(&mut Vec<String>)) {
 }
 
 #[test]
-fn points_that_are_damaged_are_refused_and_written_anew() {
+fn damaged_points_are_refused_and_rewritten() {
     let folder = Folder::new("damaged-points");
     let out = |name: &str| folder.path().join(name);
     let file = campaign(&folder);
@@ -120,7 +120,7 @@ fn status(folder: &Path, more: &[&str]) -> Said {
 }
 
 #[test]
-fn status_knows_of_points_that_a_shard_does_not_know_of() {
+fn status_counts_points_unknown_to_a_shard() {
     let folder = Folder::new("left-behind");
     let out = |name: &str| folder.path().join(name);
     let file = campaign(&folder);
@@ -189,7 +189,7 @@ fn status_counts_no_point_that_runs_again() {
 }
 
 #[test]
-fn folder_knows_when_enough_is_known() {
+fn folder_stores_its_stopping_rule() {
     let folder = Folder::new("stored-rule");
     let out = folder.path().join("out");
     let file = campaign(&folder);
@@ -221,7 +221,7 @@ fn folder_knows_when_enough_is_known() {
 }
 
 #[test]
-fn incomplete_run_folders_of_a_killed_campaign_do_not_stay() {
+fn incomplete_run_folders_of_a_killed_campaign_are_removed() {
     let folder = Folder::new("half-kept");
     let out = folder.path().join("out");
     let file = campaign(&folder);

@@ -4,7 +4,7 @@ use escapement_tests::program::{Folder, orchestrate, refused, text};
 use escapement_tests::world;
 
 #[test]
-fn an_entry_of_a_list_is_the_same_by_its_number_and_by_its_name() {
+fn list_entry_is_addressed_by_number_or_by_name() {
     let folder = Folder::new("by-number");
     world::springs(&folder);
     let scenario = folder.path().join("springs.toml");
@@ -32,7 +32,7 @@ fn an_entry_of_a_list_is_the_same_by_its_number_and_by_its_name() {
 }
 
 #[test]
-fn a_mistake_of_a_case_is_one_of_the_list() {
+fn error_in_a_case_names_the_case_list() {
     let folder = Folder::new("case-mistake");
     let scenario = world::masses(&folder);
     let out = folder.path().join("out");
@@ -88,7 +88,7 @@ fn an_audit_without_another_shard_is_refused() {
 }
 
 #[test]
-fn a_design_that_needs_all_of_its_points_has_no_early_end() {
+fn design_that_needs_all_points_refuses_early_stop() {
     let folder = Folder::new("early-end");
     let scenario = world::masses(&folder);
     let out = folder.path().join("out");

@@ -34,7 +34,7 @@ fn until(mut there: impl FnMut() -> bool) {
 }
 
 #[test]
-fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
+fn run_and_sweep_give_the_same_figures_to_every_digit() {
     let folder = Folder::new("digits");
     let out = |name: &str| folder.path().join(name);
     let said = sweep(
@@ -85,7 +85,7 @@ fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
 }
 
 #[test]
-fn the_table_does_not_depend_on_the_number_of_workers_or_on_interruptions() {
+fn table_does_not_depend_on_workers_or_interruptions() {
     let folder = Folder::new("workers");
     let out = |name: &str| folder.path().join(name);
     let vary = [
@@ -130,7 +130,7 @@ fn the_table_does_not_depend_on_the_number_of_workers_or_on_interruptions() {
 }
 
 #[test]
-fn a_point_that_goes_wrong_is_a_row_with_its_reason() {
+fn failed_point_is_a_row_with_its_reason() {
     let folder = Folder::new("wrong");
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("sweep");
@@ -158,7 +158,7 @@ fn a_point_that_goes_wrong_is_a_row_with_its_reason() {
 }
 
 #[test]
-fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
+fn killed_worker_loses_its_point_alone_which_is_run_again() {
     let folder = Folder::new("killed");
     let out = folder.path().join("sweep");
     let arguments = [
@@ -207,7 +207,7 @@ fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
 }
 
 #[test]
-fn a_scenario_that_is_edited_on_the_way_ends_the_campaign() {
+fn scenario_edited_during_a_campaign_ends_the_campaign() {
     let folder = Folder::new("edited");
     let out = folder.path().join("sweep");
     let stock = std::fs::read_to_string(root().join(CLOSE)).unwrap();
@@ -237,7 +237,7 @@ fn a_scenario_that_is_edited_on_the_way_ends_the_campaign() {
 }
 
 #[test]
-fn a_grid_that_cannot_run_is_refused_before_anything_runs() {
+fn invalid_grid_is_refused_before_any_run() {
     let folder = Folder::new("refused-grid");
     let out = folder.path().join("sweep");
     for (more, parts) in [
@@ -280,7 +280,7 @@ fn a_grid_that_cannot_run_is_refused_before_anything_runs() {
 }
 
 #[test]
-fn a_folder_of_something_else_is_left_alone() {
+fn folder_of_another_campaign_is_left_unchanged() {
     let folder = Folder::new("taken");
     let out = folder.path().join("sweep");
     let vary = ["--vary", "seed=1,2", "--duration", "1 s", "--quiet"];
@@ -338,7 +338,7 @@ fn every_failure_of_an_actuator_is_a_case() {
 }
 
 #[test]
-fn a_list_of_cases_changes_what_it_says() {
+fn case_list_applies_its_changes() {
     let folder = Folder::new("cases");
     let list = folder.write(
         "cases.toml",

@@ -49,7 +49,7 @@ fn algebraic_loop_of_programs_is_refused_by_check_graph_and_run() {
 }
 
 #[test]
-fn programs_that_are_not_asked_have_no_kind_and_no_order() {
+fn programs_not_queried_have_no_kind_and_no_order() {
     let folder = Folder::new("unasked");
     let scenario = ring(&folder, "0 s");
     let said = orchestrate(&["check", text(&scenario), "--start=never"]);
@@ -81,7 +81,7 @@ fn programs_that_are_not_asked_have_no_kind_and_no_order() {
 }
 
 #[test]
-fn programs_that_are_asked_stand_in_the_order_of_the_run() {
+fn queried_programs_are_listed_in_execution_order() {
     let folder = Folder::new("asked");
     let scenario = ring(&folder, "10 ms");
     let said = orchestrate(&["check", text(&scenario)]);
@@ -102,7 +102,7 @@ fn programs_that_are_asked_stand_in_the_order_of_the_run() {
 }
 
 #[test]
-fn program_that_dies_when_asked_is_a_failure_not_a_mistake() {
+fn program_crash_during_query_is_failure_not_scenario_error() {
     // The program of a participant, of a substitute at a given time, and of a substitute after a failure.
     let died = ["exited with status 7", "the licence server does not answer"];
     let world = World::new("asked", "early_exit");
@@ -131,7 +131,7 @@ fn program_that_dies_when_asked_is_a_failure_not_a_mistake() {
 }
 
 #[test]
-fn file_that_is_no_program_is_a_mistake_with_its_key() {
+fn non_executable_file_is_refused_with_its_key() {
     let folder = Folder::new("no-program");
     let write = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);

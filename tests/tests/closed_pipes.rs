@@ -24,7 +24,7 @@ fn text(path: &Path) -> &str {
 }
 
 #[test]
-fn every_command_ends_with_its_own_code() {
+fn commands_keep_their_exit_code_on_a_closed_pipe() {
     let folder = Folder::new("unheard");
     let (run, other, page) = (
         folder.path().join("run"),
@@ -72,7 +72,7 @@ fn every_command_ends_with_its_own_code() {
 }
 
 #[test]
-fn a_run_whose_reader_leaves_in_mid_run_is_complete() {
+fn run_is_complete_when_its_reader_closes_the_pipe() {
     let folder = Folder::new("left");
     let (whole, left) = (folder.path().join("whole"), folder.path().join("left"));
     let how = ["run", "scenarios/close.toml", "--duration", "3 s"];

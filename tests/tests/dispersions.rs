@@ -202,7 +202,7 @@ fn page_has_statistics_of_every_figure() {
 }
 
 #[test]
-fn key_that_is_wrong_everywhere_is_refused_as_the_dispersion() {
+fn key_invalid_at_every_point_is_refused_as_the_dispersion() {
     let folder = Folder::new("campaign-refused");
     springs(&folder);
     let out = folder.path().join("out");
@@ -244,7 +244,7 @@ fn key_that_is_wrong_everywhere_is_refused_as_the_dispersion() {
 }
 
 #[test]
-fn scenario_with_a_campaign_of_its_own_runs_alone_and_as_campaign() {
+fn scenario_with_own_campaign_runs_alone_and_as_campaign() {
     let folder = Folder::new("campaign-table");
     let own = springs(&folder);
     let scenario = std::fs::read_to_string(folder.path().join(own)).unwrap();
@@ -284,7 +284,7 @@ fn campaign_file_is_no_scenario() {
 }
 
 #[test]
-fn what_the_campaign_file_would_ignore_is_refused_by_name() {
+fn options_that_a_campaign_file_ignores_are_refused_by_name() {
     let folder = Folder::new("ignored");
     springs(&folder);
     let file = folder.write("campaign.toml", CAMPAIGN);
@@ -352,7 +352,7 @@ fn campaign_without_a_possible_point_is_refused_before_it_runs() {
 }
 
 #[test]
-fn no_share_is_told_of_points_that_did_not_run() {
+fn campaign_of_failed_points_reports_no_share() {
     let folder = Folder::new("no-share");
     let file = oscillator(&folder, "panics");
     let out = folder.path().join("out");

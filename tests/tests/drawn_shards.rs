@@ -262,7 +262,7 @@ fn drawn_campaign_grows_where_its_draws_stay() {
 }
 
 #[test]
-fn drawn_point_runs_alone_is_kept_and_counts_until_enough_is_known() {
+fn drawn_point_is_rerun_kept_and_counted_by_the_stopping_rule() {
     let folder = Folder::new("drawn-point-again");
     let out = |name: &str| folder.path().join(name);
     let file = drawn(&folder, SPRINGS);

@@ -46,7 +46,7 @@ fn is_prefix(folder: &Folder) -> u64 {
 }
 
 #[test]
-fn a_healthy_run_leaves_nothing_but_its_folder() {
+fn healthy_run_leaves_only_its_folder() {
     let (folder, said) = ended("damper", &["--json"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     assert_eq!(said.json()["simulated_time_s"], 10.0);
@@ -63,7 +63,7 @@ fn a_healthy_run_leaves_nothing_but_its_folder() {
 }
 
 #[test]
-fn nothing_is_taken_from_the_heap_between_the_second_step_and_the_last() {
+fn run_allocates_nothing_between_its_second_and_last_step() {
     for wait in ["spin", "yield", "sleep"] {
         let (folder, said) = ended("counting", &["--wait", wait]);
         assert_eq!(said.code, Some(0), "{said:?}");
@@ -96,7 +96,7 @@ fn a_run_that_fails_has_no_verdict() {
 }
 
 #[test]
-fn an_early_end_is_not_taken_for_success() {
+fn early_exit_is_not_a_success() {
     let (folder, said) = ended("exit_at", &[]);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(
@@ -107,7 +107,7 @@ fn an_early_end_is_not_taken_for_success() {
 }
 
 #[test]
-fn a_panic_comes_with_its_message() {
+fn panic_is_reported_with_its_message() {
     let (folder, said) = ended("panics", &[]);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(
@@ -129,7 +129,7 @@ fn a_nan_names_port_and_field() {
 }
 
 #[test]
-fn a_hang_is_explained_and_ended() {
+fn hang_is_diagnosed_and_ended() {
     let (folder, said) = ended("hangs", &["--patience", "3 s"]);
     assert_eq!(said.code, Some(1), "{said:?}");
     for part in [
@@ -144,7 +144,7 @@ fn a_hang_is_explained_and_ended() {
 }
 
 #[test]
-fn who_ignores_the_end_is_ended() {
+fn participant_that_ignores_terminate_is_killed() {
     let folder = Folder::new("ignores_terminate");
     let scenario = oscillator(&folder, "ignores_terminate");
     let out = folder.path().join("run");
@@ -160,7 +160,7 @@ fn who_ignores_the_end_is_ended() {
 }
 
 #[test]
-fn a_slow_participant_is_not_thrown_out() {
+fn slow_participant_is_waited_for() {
     let (folder, said) = ended("slow", &["--duration", "2 s", "--patience", "1 s", "--json"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     assert_eq!(is_prefix(&folder), 200);
@@ -173,7 +173,7 @@ fn a_slow_participant_is_not_thrown_out() {
 }
 
 #[test]
-fn a_flood_of_words_is_dammed() {
+fn flood_of_log_lines_is_limited() {
     let at_once = format!(
         "participants.damper.run={{ exe = '{}', args = ['at-once'] }}",
         participant("floods").display()
@@ -230,7 +230,7 @@ fn death_during_a_pause_ends_the_run() {
 }
 
 #[test]
-fn who_never_arrives_is_reported_with_its_last_words() {
+fn participant_that_never_connects_is_reported_with_its_log() {
     let (_, said) = ended("early_exit", &[]);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.err.contains("exited with status 7"), "{said:?}");
@@ -266,7 +266,7 @@ fn pid_of(folder: &Folder, participant: &str) -> u32 {
 }
 
 #[test]
-fn interrupts_end_a_run_in_order() {
+fn interrupt_ends_a_run_in_an_orderly_way() {
     for which in [
         rustix::process::Signal::INT,
         rustix::process::Signal::TERM,
@@ -283,7 +283,7 @@ fn interrupts_end_a_run_in_order() {
 }
 
 #[test]
-fn a_second_interrupt_ends_a_run_at_once_and_leaves_nothing_for_good() {
+fn second_interrupt_ends_a_run_at_once_without_leftovers() {
     let folder = Folder::new("impatient");
     let scenario = oscillator(&folder, "ignores_terminate");
     let out = folder.path().join("run");
@@ -317,7 +317,7 @@ fn a_second_interrupt_ends_a_run_at_once_and_leaves_nothing_for_good() {
 }
 
 #[test]
-fn a_killed_participant_is_seen() {
+fn killed_participant_is_reported() {
     for who in ["plant", "damper"] {
         let (folder, child) = disturbed("killed");
         signal(pid_of(&folder, who), rustix::process::Signal::KILL);
@@ -333,7 +333,7 @@ fn a_killed_participant_is_seen() {
 }
 
 #[test]
-fn a_killed_orchestrator_takes_its_children_along_and_leaves_nothing_for_good() {
+fn killed_orchestrator_ends_its_children_without_leftovers() {
     let (folder, child) = disturbed("beheaded");
     let children = [pid_of(&folder, "plant"), pid_of(&folder, "damper")];
     signal(child.id(), rustix::process::Signal::KILL);
@@ -365,7 +365,7 @@ fn alive(pid: u32) -> bool {
 }
 
 #[test]
-fn two_runs_side_by_side_never_meet() {
+fn simultaneous_runs_are_isolated() {
     let folder = Folder::new("twins");
     let scenario = oscillator(&folder, "damper");
     let outs = ["one", "two", "three"].map(|name| folder.path().join(name));

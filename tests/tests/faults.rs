@@ -52,7 +52,7 @@ fn values(run: &Path, stream: &str, field: &str, element: usize) -> Vec<(f64, f6
 }
 
 #[test]
-fn a_faulty_run_is_the_same_bits_in_processes_and_in_one() {
+fn faulted_run_is_bit_identical_in_processes_and_in_one() {
     let folder = Folder::new("faulty");
     let digest = |name: &str, more: &[&str]| {
         let said = close(&folder.path().join(name), &CLOSE, more);
@@ -97,7 +97,7 @@ fn a_faulty_run_is_the_same_bits_in_processes_and_in_one() {
 }
 
 #[test]
-fn the_tape_has_what_was_given_and_what_was_seen() {
+fn tape_has_the_published_and_the_faulted_input() {
     let folder = Folder::new("seen");
     let (run, bias) = (folder.path().join("run"), "0.2 deg");
     let fault = format!("at=0.2s,until=0.4s,input=controller.measured,field=q[3],kind=bias,value={bias}");
@@ -132,7 +132,7 @@ fn the_tape_has_what_was_given_and_what_was_seen() {
 }
 
 #[test]
-fn a_faulty_participant_is_replayed_with_what_it_saw() {
+fn participant_is_replayed_with_its_faulted_inputs() {
     let folder = Folder::new("replayed");
     let run = folder.path().join("run");
     let said = close(&run, &CLOSE, &["--in-process"]);
@@ -145,7 +145,7 @@ fn a_faulty_participant_is_replayed_with_what_it_saw() {
 
 /// The effect of a NaN injected by a fault: the participant sees it, and its consequences are reported with the fault's name.
 #[test]
-fn a_flipped_exponent_reaches_the_participant_and_is_named_when_that_fails() {
+fn flipped_exponent_is_named_when_its_participant_fails() {
     let folder = Folder::new("flip");
     let scenario = oscillator(&folder, "damper");
     let fault = "name=ray,at=5s,until=6s,input=damper.motion,field=velocity,kind=stuck,value=1e308 m/s";
@@ -337,7 +337,7 @@ const REFUSED: [(&str, &[&str]); 33] = [
 ];
 
 #[test]
-fn what_cannot_be_is_refused_with_key_value_and_remedy() {
+fn invalid_fault_is_refused_with_key_value_and_remedy() {
     for (fault, parts) in REFUSED {
         refused(fault, parts);
     }
@@ -345,7 +345,7 @@ fn what_cannot_be_is_refused_with_key_value_and_remedy() {
 
 /// In the file, every mistake is reported with its line, and all are reported at once.
 #[test]
-fn mistakes_in_the_file_have_their_lines() {
+fn errors_in_faults_name_their_lines() {
     let folder = Folder::new("lines");
     let scenario = oscillator(&folder, "damper");
     let healthy = std::fs::read_to_string(&scenario).unwrap();

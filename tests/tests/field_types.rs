@@ -158,7 +158,7 @@ fn texts_and_bytes_give_one_tape_and_are_exported() {
 }
 
 #[test]
-fn foreign_text_without_a_meaning_ends_the_run() {
+fn invalid_text_from_a_foreign_program_ends_the_run() {
     let folder = Folder::new("garbled");
     let good = std::fs::read_to_string(root().join("examples/c/beacon.c")).unwrap();
     let last = "    memcpy(outputs[0], beacon, sizeof *beacon);\n";
@@ -203,7 +203,7 @@ fn foreign_text_without_a_meaning_ends_the_run() {
 }
 
 #[test]
-fn what_makes_no_sense_of_texts_is_refused() {
+fn invalid_use_of_a_text_field_is_refused() {
     let two = "connections.beacon={ from = \"beacon.beacon\", to = \"station.beacon\", map = ";
     let rest = "count = \"count\", frame = \"frame\", state = \"state\" } }";
     let map = |phase: &str| format!("{two}{{ phase = {phase}, {rest}");
@@ -301,7 +301,7 @@ fn walk(folder: &Path, name: &str) -> String {
 }
 
 #[test]
-fn byte_without_a_meaning_ends_the_run_with_field_and_value() {
+fn undefined_enumeration_value_ends_run_with_field_and_value() {
     let folder = Folder::new("spoilt");
     let source = |name: &str, from: &str, to: &str| {
         let good = std::fs::read_to_string(root().join("examples/cpp/operator.cpp")).unwrap();
@@ -341,7 +341,7 @@ fn byte_without_a_meaning_ends_the_run_with_field_and_value() {
 }
 
 #[test]
-fn what_makes_no_sense_of_names_is_refused() {
+fn invalid_use_of_an_enumeration_field_is_refused() {
     for (set, words) in [
         (
             "connections.order.initial={ valve = \"Opened\" }",

@@ -270,7 +270,7 @@ fn oscillator(folder: &Folder, more: &str) -> PathBuf {
 }
 
 #[test]
-fn fields_with_links_of_their_own_are_one_tape_with_faults_and_resumed() {
+fn separately_linked_fields_give_one_tape_faulted_and_resumed() {
     let folder = Folder::new("fields-faults");
     let faults = "[[faults]]\nat = \"0.4 s\"\nuntil = \"1.2 s\"\nconnection = \"speed\"\nextra-delay = \"30 ms\"\ndrop = 0.5\n\
                   [[faults]]\nat = \"0.5 s\"\nuntil = \"1.5 s\"\ninput = \"damper.motion\"\nfield = \"velocity\"\nkind = \"stuck\"\n\
@@ -346,7 +346,7 @@ fn campaign_varies_a_connection_by_fields() {
 }
 
 #[test]
-fn check_and_graph_tell_what_becomes_of_what() {
+fn check_and_graph_show_field_conversions() {
     let said = orchestrate(&["check", "examples/fmu/wired.toml"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     for words in [

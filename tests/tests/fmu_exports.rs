@@ -430,7 +430,7 @@ fn step_that_is_no_multiple_of_the_period_is_refused() {
 
 /// What cannot be exported is rejected with the reason, and no file is left.
 #[test]
-fn what_cannot_be_exported_is_refused() {
+fn invalid_export_is_refused_with_the_reason() {
     let folder = Folder::new("exported-refusals");
     let out = folder.path().join("no.fmu");
     let external = format!(

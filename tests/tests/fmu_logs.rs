@@ -66,7 +66,7 @@ fn importer(shop: &Workshop) -> PathBuf {
 }
 
 #[test]
-fn lines_of_participants_come_to_the_importers_log() {
+fn participant_log_lines_reach_the_importers_logger() {
     let folder = Folder::new("fmu-logs");
     let shop = Workshop::open("fmu-logs");
     shop.plugin("tests/plugins/diary.c", "c/libdiary.so", &["-DESCAPEMENT_NO_MAIN"]);

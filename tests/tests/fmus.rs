@@ -264,7 +264,7 @@ fn spring_and_damper_are_one_run_in_every_way() {
 }
 
 #[test]
-fn dead_fmu_is_started_again_where_it_was() {
+fn dead_fmu_is_restarted_where_it_died() {
     for state in [true, false] {
         let folder = Folder::new("crash");
         let healthy = both_ways(&folder, &pair(&folder, state, "spring", "damper"));
@@ -303,7 +303,7 @@ fn dead_fmu_is_started_again_where_it_was() {
 }
 
 #[test]
-fn fmu_that_depends_on_more_than_inputs_is_not_taken_up() {
+fn fmu_that_is_not_reproducible_is_not_resumed() {
     let folder = Folder::new("fickle");
     let scenario = pair(&folder, false, "spring", "damper");
     Recipe {

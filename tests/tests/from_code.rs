@@ -34,7 +34,7 @@ fn code_that_closes_the_loop_holds_the_level() {
 }
 
 #[test]
-fn two_futures_part_and_the_better_one_is_kept() {
+fn better_of_two_branches_is_kept() {
     let out = said("two_futures");
     let (idle, pumped) = (depth(&out, "with 0 m^3/s"), depth(&out, "with 0.012 m^3/s"));
     assert!(idle < depth(&out, "at 60 s") && idle < pumped, "{out}");
@@ -42,7 +42,7 @@ fn two_futures_part_and_the_better_one_is_kept() {
 }
 
 #[test]
-fn scenario_that_no_file_says_is_one_tape_in_one_process_and_in_many() {
+fn scenario_built_in_code_gives_one_tape_in_every_way() {
     let out = said("without_file");
     let tapes: Vec<&str> = out.lines().filter(|line| line.starts_with("Complete, tape ")).collect();
     assert!(out.contains("the same tape in processes: true"), "{out}");

@@ -44,7 +44,7 @@ fn flown(rate: &str) -> escapement_tests::program::Said {
 
 /// A flight that misses its criteria although the sampled loop is stable ends with 3, and says which.
 #[test]
-fn a_flight_that_contradicts_the_linear_claim_is_told() {
+fn simulation_that_contradicts_the_linear_result_is_reported() {
     let settled = flown("0.1 deg/s");
     assert_eq!(settled.code, Some(0), "{settled:?}");
     assert!(settled.out.contains("10 + 10"), "{settled:?}");
@@ -58,7 +58,7 @@ fn a_flight_that_contradicts_the_linear_claim_is_told() {
 
 /// A command killed in the middle of a flight leaves its folder where `doctor` finds it.
 #[test]
-fn what_a_killed_flight_leaves_is_removed() {
+fn leftovers_of_a_killed_verification_are_removed() {
     let base = Path::new("/dev/shm");
     let folder = Folder::new("killed-flight");
     let title = format!("a flight to be killed {}", std::process::id());

@@ -15,7 +15,7 @@ frozen-for = "500 ms"
 "#;
 
 #[test]
-fn who_tells_the_truth_passes() {
+fn outputs_within_their_guards_pass() {
     let world = World::with("truth", "damper", GUARDS);
     let said = world.run("run", &[]);
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -23,7 +23,7 @@ fn who_tells_the_truth_passes() {
 }
 
 #[test]
-fn a_value_out_of_its_range_ends_the_run_with_field_time_and_value() {
+fn out_of_range_value_ends_run_with_field_time_and_value() {
     let world = World::with("range", "out_of_range", GUARDS);
     let said = world.run("run", &[]);
     assert_eq!(said.code, Some(1), "{said:?}");
@@ -37,7 +37,7 @@ fn a_value_out_of_its_range_ends_the_run_with_field_time_and_value() {
 }
 
 #[test]
-fn an_output_that_does_not_change_any_more_ends_the_run() {
+fn frozen_output_ends_the_run() {
     let world = World::with("frozen", "frozen", GUARDS);
     let said = world.run("run", &[]);
     assert_eq!(said.code, Some(1), "{said:?}");
@@ -51,7 +51,7 @@ fn an_output_that_does_not_change_any_more_ends_the_run() {
 }
 
 #[test]
-fn an_offender_can_be_replaced_but_not_restarted() {
+fn offending_participant_can_be_replaced_but_not_restarted() {
     let good = participant("damper").display().to_string();
     for (offender, first) in [("out_of_range", 200), ("frozen", 250)] {
         let world = World::with("replaced", offender, GUARDS);
@@ -74,7 +74,7 @@ fn an_offender_can_be_replaced_but_not_restarted() {
 }
 
 #[test]
-fn an_offender_that_has_done_everything_cannot_be_replaced() {
+fn finished_offending_participant_cannot_be_replaced() {
     let good = participant("damper").display().to_string();
     let world = World::with("finished", "out_of_range", GUARDS);
     let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");
@@ -92,7 +92,7 @@ fn an_offender_that_has_done_everything_cannot_be_replaced() {
 }
 
 #[test]
-fn in_one_process_as_well() {
+fn guard_violation_ends_run_in_one_process() {
     let folder = Folder::new("guards");
     let guard = "guards.weak={ output = \"controller.command\", field = \"tau[2]\", range = \"[-1, 1] mN m\" }";
     let scenario = root().join("scenarios/close.toml");
@@ -114,7 +114,7 @@ fn in_one_process_as_well() {
 
 /// The modes that the stock participants report have names, which guards and messages use.
 #[test]
-fn stock_modes_go_by_their_names() {
+fn stock_modes_are_guarded_by_name() {
     let folder = Folder::new("modes");
     let scenario = root().join("scenarios/close.toml");
     for (output, field, never, words) in [
@@ -149,7 +149,7 @@ fn stock_modes_go_by_their_names() {
 }
 
 #[test]
-fn a_guard_that_cannot_be_is_refused_with_the_remedy() {
+fn invalid_guard_is_refused_with_the_remedy() {
     let folder = Folder::new("refused");
     let close = std::fs::read_to_string(root().join("scenarios/close.toml")).unwrap();
     let close = close.replace("\"../", &format!("\"{}/", root().display()));

@@ -51,7 +51,7 @@ fn answer(run: &mut Run, count: &mut u64) {
 }
 
 #[test]
-fn law_that_answers_from_outside_gives_the_tape_of_the_participant() {
+fn external_law_gives_the_tape_of_the_participant() {
     let whole = whole();
     let mut run = Run::start(&scenario(false), &inside(Record::Memory)).unwrap();
     let mut count = 0;
@@ -64,7 +64,7 @@ fn law_that_answers_from_outside_gives_the_tape_of_the_participant() {
 }
 
 #[test]
-fn continuous_one_is_held_and_answered_as_well() {
+fn continuous_participant_is_held_and_answered() {
     let whole = whole();
     let mut run = Run::start(&scenario(false), &inside(Record::Memory)).unwrap();
     let mut motion = Motion {
@@ -81,7 +81,7 @@ fn continuous_one_is_held_and_answered_as_well() {
 }
 
 #[test]
-fn one_that_is_held_and_not_answered_steps_as_ever() {
+fn held_participant_without_an_answer_steps_normally() {
     let whole = whole();
     let mut run = Run::start(&scenario(false), &inside(Record::Memory)).unwrap();
     // Held repeatedly, with pauses in between, and restored.
@@ -102,7 +102,7 @@ fn one_that_is_held_and_not_answered_steps_as_ever() {
 }
 
 #[test]
-fn tape_says_that_outputs_were_given_from_outside() {
+fn tape_marks_outputs_given_from_outside() {
     let folder = Folder::new("held");
     let out = folder.path().join("out");
     let options = Options {
@@ -128,7 +128,7 @@ fn tape_says_that_outputs_were_given_from_outside() {
 }
 
 #[test]
-fn what_cannot_be_within_an_instant_is_refused() {
+fn invalid_call_on_a_held_run_is_refused() {
     let mut run = Run::start(&scenario(false), &inside(Record::Memory)).unwrap();
     let has = |failure: RunFailure, words: &[&str]| {
         let said = failure.to_string();

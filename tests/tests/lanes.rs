@@ -90,7 +90,7 @@ fn left(folder: &Path) -> (Vec<Vec<u8>>, Vec<String>) {
 }
 
 #[test]
-fn points_of_all_kinds_are_the_same_whatever_the_number_of_lanes() {
+fn points_do_not_depend_on_the_number_of_lanes() {
     let folder = Folder::new("lanes");
     let cases = folder.path().join("cases.toml");
     std::fs::write(&cases, CASES).unwrap();
@@ -112,7 +112,7 @@ fn points_of_all_kinds_are_the_same_whatever_the_number_of_lanes() {
 }
 
 #[test]
-fn a_worker_that_is_killed_loses_no_point_of_several() {
+fn killed_worker_loses_none_of_its_points() {
     let folder = Folder::new("lanes-killed");
     let seeds = ["--vary", "seed=1..12", "--workers", "1", "--json", "--digest"];
     let whole = folder.path().join("whole");
@@ -142,7 +142,7 @@ fn a_worker_that_is_killed_loses_no_point_of_several() {
 }
 
 #[test]
-fn a_campaign_that_is_interrupted_and_one_in_shards_have_the_same_table() {
+fn interrupted_and_sharded_campaigns_have_the_same_table() {
     let folder = Folder::new("lanes-shards");
     let out = |name: &str| folder.path().join(name);
     let vary = ["--vary", "seed=1..20", "--quiet", "--digest", "--set", "duration=5s"];

@@ -228,7 +228,7 @@ fn plugin_that_is_killed_is_restarted() {
 }
 
 #[test]
-fn campaigns_run_plugins_and_know_them_by_their_digest() {
+fn campaigns_run_plugins_and_identify_them_by_digest() {
     let folder = Folder::new("plugin-sweep");
     let path = |name: &str| folder.path().join(name);
     for name in ["plant", "pid", "reference"] {

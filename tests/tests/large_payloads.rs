@@ -157,7 +157,7 @@ fn largest_picture_goes_through_a_process_and_one_loop() {
 }
 
 #[test]
-fn what_goes_through_elements_of_pictures_is_refused_with_a_way_out() {
+fn element_wise_use_of_pictures_is_refused_with_the_remedy() {
     let folder = Folder::new("elements");
     let refusals = [
         (

@@ -30,7 +30,7 @@ fn of_std(code: &str, modules: &[&str]) -> Option<String> {
 }
 
 #[test]
-fn arrows_only_point_down() {
+fn package_dependencies_point_down() {
     let arrows: BTreeMap<&str, &[&str]> = ARROWS.into_iter().collect();
     let ours: Vec<&str> = packages().iter().map(|package| package.name.as_str()).collect();
     let mut wrong = Vec::new();
@@ -77,7 +77,7 @@ fn arrows_only_point_down() {
 }
 
 #[test]
-fn models_know_no_process_file_clock_or_log() {
+fn models_use_no_process_file_clock_or_log() {
     // Synthesis runs offline, before any run; code in a step has one thread.
     let modules = ["process", "fs", "time", "env", "net", "thread"];
     let crates = ["log", "tracing", "rustix", "libc", "iceoryx2", "lockstep"];
@@ -111,7 +111,7 @@ fn models_know_no_process_file_clock_or_log() {
 }
 
 #[test]
-fn the_framework_knows_no_space() {
+fn framework_names_nothing_specific_to_space() {
     let words = [
         "spacecraft",
         "servicer",
@@ -132,7 +132,7 @@ fn the_framework_knows_no_space() {
 }
 
 #[test]
-fn a_report_knows_no_application() {
+fn report_names_no_application() {
     let words = [
         "capture",
         "captured",
@@ -155,7 +155,7 @@ fn a_report_knows_no_application() {
 }
 
 #[test]
-fn processes_and_signals_have_one_place_each() {
+fn processes_and_signals_have_one_module_each() {
     for package in packages() {
         let names: &[&str] = match package.name.as_str() {
             "orchestrator" | "escapement-tests" => continue,
@@ -177,7 +177,7 @@ fn processes_and_signals_have_one_place_each() {
 
 /// A library of a run does not print, reads no keys and never ends the process: it reports events to an observer.
 #[test]
-fn the_engine_knows_no_terminal() {
+fn engine_uses_no_terminal() {
     let names = [
         "println!",
         "print!",
@@ -247,7 +247,7 @@ fn matrices_have_static_sizes() {
 }
 
 #[test]
-fn nothing_is_left_for_later() {
+fn sources_contain_no_unfinished_work() {
     // Assembled here, so that this file does not match itself.
     let words = [
         ["to", "do!("],
@@ -292,7 +292,7 @@ fn bincode_stays_at_the_version_that_compiles() {
 }
 
 #[test]
-fn one_package_says_what_cargo_run_runs() {
+fn one_package_defines_what_cargo_run_runs() {
     let saying: Vec<&str> = packages()
         .iter()
         .filter(|package| {
@@ -309,7 +309,7 @@ fn one_package_says_what_cargo_run_runs() {
 }
 
 #[test]
-fn the_continuous_integration_runs_what_the_readme_says() {
+fn continuous_integration_runs_the_documented_commands() {
     let (readme, script) = (read("README.md"), read(".ci/run"));
     let command = "cargo test --release --no-fail-fast";
     assert!(
@@ -326,7 +326,7 @@ fn the_continuous_integration_runs_what_the_readme_says() {
 }
 
 #[test]
-fn failed_step_lets_the_others_run_and_is_listed() {
+fn failed_ci_step_is_listed_and_the_others_run() {
     let script = r#"
         set -euo pipefail
         . tests/steps.sh

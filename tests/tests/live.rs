@@ -117,7 +117,7 @@ fn has(folder: &Path, stream: &str, records: u64, size: u64) {
 }
 
 #[test]
-fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
+fn page_pauses_steps_and_resumes_without_changing_the_tape() {
     let folder = Folder::new("live");
     let scenario = oscillator(&folder, "damper");
     let quiet = folder.path().join("quiet");
@@ -158,7 +158,7 @@ fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
 }
 
 #[test]
-fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
+fn run_in_one_process_is_steered_and_serves_its_result() {
     let folder = Folder::new("live-in-process");
     let out = folder.path().join("run");
     let scenario = root().join("scenarios/close.toml");

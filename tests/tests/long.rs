@@ -20,7 +20,7 @@ fn rounds(kind: &str, count: &str, more: &[&str]) {
 }
 
 #[test]
-fn random_signals_lose_nothing_and_leave_nothing() {
+fn random_signals_lose_no_data_and_leave_nothing() {
     rounds("killer", "48", &[]);
 }
 

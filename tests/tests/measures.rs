@@ -96,7 +96,7 @@ fn near(value: &Value, expected: f64) {
 }
 
 #[test]
-fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_tape() {
+fn figures_of_every_way_of_running_equal_those_of_the_tape() {
     let folder = Folder::new("measures");
     let scenario = springs(&folder);
     let out = |name: &str| folder.path().join(name);
@@ -200,7 +200,7 @@ fn one_program_gives_the_same_figures_in_one_loop_and_resumed() {
 }
 
 #[test]
-fn a_criterion_that_is_not_met_says_by_how_much_and_when() {
+fn missed_criterion_reports_its_margin_and_time() {
     let folder = Folder::new("measures-missed");
     let scenario = springs(&folder);
     let out = folder.path().join("run");
@@ -237,7 +237,7 @@ fn a_criterion_that_is_not_met_says_by_how_much_and_when() {
 }
 
 #[test]
-fn a_measure_that_does_not_fit_is_refused_with_file_line_and_key() {
+fn invalid_measure_is_refused_with_file_line_and_key() {
     let folder = Folder::new("measures-refused");
     let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
     for (from, to, part) in [
@@ -282,7 +282,7 @@ fn ask(run: &Path, more: &[&str]) -> Said {
 }
 
 #[test]
-fn a_finished_tape_is_asked() {
+fn measure_command_reads_a_finished_tape() {
     let folder = Folder::new("measures-asked");
     let scenario = springs(&folder);
     let run = folder.path().join("run");
@@ -384,7 +384,7 @@ fn measures_stand_beside_the_assessment() {
 }
 
 #[test]
-fn what_a_fault_makes_of_an_input_can_be_measured() {
+fn faulted_input_can_be_measured() {
     let folder = Folder::new("measures-fault");
     let scenario = folder.write(
         "seen.toml",
@@ -433,7 +433,7 @@ at-most = "1 m"
 }
 
 #[test]
-fn what_cannot_be_measured_has_a_reason_and_misses_its_criterion() {
+fn unmeasurable_figure_has_a_reason_and_misses_its_criterion() {
     let folder = Folder::new("measures-none");
     let exe = |name: &str| participant(name).display().to_string();
     let scenario = folder.write(

@@ -6,7 +6,7 @@ use escapement_tests::program::{Folder, Said, orchestrate, orchestrator, refused
 use escapement_tests::world;
 
 #[test]
-fn a_connection_that_is_refused_is_the_only_mistake() {
+fn refused_connection_is_the_only_error() {
     let folder = Folder::new("one-mistake");
     let file = world::masses(&folder);
     for (set, key, part) in [
@@ -27,7 +27,7 @@ fn a_connection_that_is_refused_is_the_only_mistake() {
 }
 
 #[test]
-fn a_value_of_a_wrong_type_is_refused_with_what_to_write() {
+fn value_of_wrong_type_is_refused_with_the_remedy() {
     let folder = Folder::new("wrong-types");
     let file = world::masses(&folder);
     for (set, parts) in [
@@ -93,7 +93,7 @@ fn a_participant_with_a_bad_name_is_refused_at_its_line() {
 }
 
 #[test]
-fn a_folder_that_is_not_there_is_told() {
+fn missing_folder_is_reported() {
     let folder = Folder::new("no-folder");
     let whole = std::fs::read_to_string(world::masses(&folder)).expect("it was written");
     let file = folder.write("elsewhere.toml", &format!("folder = \"/nonexistent\"\n{whole}"));
@@ -144,7 +144,7 @@ fn titles_with_control_characters_are_refused_and_escaped() {
 }
 
 #[test]
-fn a_change_is_said_to_be_where_it_comes_from() {
+fn error_in_an_override_names_its_origin() {
     let folder = Folder::new("where-from");
     let file = world::masses(&folder);
     let out = folder.path().join("out");
@@ -163,7 +163,7 @@ fn a_change_is_said_to_be_where_it_comes_from() {
 }
 
 #[test]
-fn a_program_of_an_option_is_looked_for_where_the_command_is_given() {
+fn program_in_an_option_is_relative_to_the_working_directory() {
     let folder = Folder::new("given-here");
     let file = world::masses(&folder);
     for option in ["--substitute", "--shadow"] {
@@ -186,7 +186,7 @@ fn a_program_of_an_option_is_looked_for_where_the_command_is_given() {
 }
 
 #[test]
-fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
+fn parameters_refused_by_a_substitute_name_the_substitute() {
     let folder = Folder::new("taken-over");
     let file = world::masses(&folder);
     let refuses = "the builtin `controller` refuses `participants.left.parameters";
@@ -232,7 +232,7 @@ fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
 }
 
 #[test]
-fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
+fn external_program_is_refused_in_process_before_any_run() {
     let folder = Folder::new("of-its-own");
     let file = world::masses(&folder);
     let out = folder.path().join("out");
@@ -248,7 +248,7 @@ fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
 }
 
 #[test]
-fn patience_is_warned_of_where_it_has_no_effect() {
+fn patience_without_effect_is_warned_of() {
     let folder = Folder::new("no-patience");
     let file = world::masses(&folder);
     let warning = "warning: --patience 5 s has no effect on a run in one process";
@@ -268,7 +268,7 @@ fn patience_is_warned_of_where_it_has_no_effect() {
 }
 
 #[test]
-fn a_file_that_cannot_be_read_is_a_refusal_that_is_told_once() {
+fn unreadable_file_is_refused_and_reported_once() {
     let nothing = Folder::new("read-once").path().join("nothere");
     let nothing = |ending: &str| nothing.with_extension(ending);
     for (command, file, part) in [
@@ -288,7 +288,7 @@ fn a_file_that_cannot_be_read_is_a_refusal_that_is_told_once() {
 }
 
 #[test]
-fn who_ends_before_it_has_entered_the_run_is_said_to() {
+fn participant_exit_before_the_handshake_is_reported() {
     let folder = Folder::new("ends-early");
     let file = world::masses(&folder);
     let out = folder.path().join("out");
@@ -316,7 +316,7 @@ fn who_ends_before_it_has_entered_the_run_is_said_to() {
 }
 
 #[test]
-fn an_export_of_a_window_without_samples_is_refused() {
+fn export_of_a_window_without_samples_is_refused() {
     let folder = Folder::new("empty-export");
     let file = world::masses(&folder);
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));

@@ -35,7 +35,7 @@ fn model_warns_of_friction_with_file_and_line() {
 }
 
 #[test]
-fn model_tells_all_mistakes_and_takes_them_when_told_to() {
+fn model_command_reports_all_errors_or_accepts_them() {
     let folder = Folder::new("models");
     let body = arm("ixx=\"1\" iyy=\"1\" izz=\"3\"", "")
         + "\n"

@@ -38,7 +38,7 @@ fn words(line: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_files_of_the_page_are_those_of_the_example() {
+fn files_on_the_page_equal_those_of_the_example() {
     let (page, example) = (page(), root().join("examples/servo"));
     let file = |name: &str| std::fs::read_to_string(example.join(name)).expect("the example is there");
     assert_eq!(blocks(&page, "rust"), [file("src/main.rs")]);
@@ -53,7 +53,7 @@ fn the_files_of_the_page_are_those_of_the_example() {
 }
 
 #[test]
-fn the_commands_of_the_page_do_what_it_says() {
+fn commands_on_the_page_have_the_documented_result() {
     let (page, folder) = (page(), Folder::new("own-plant"));
     folder.write("servo.toml", blocks(&page, "toml")[1]);
     let commands = page

@@ -18,7 +18,7 @@ fn lander(arguments: &[&str]) -> (Option<i32>, String) {
 const SCENARIO: &str = "examples/lander/lander.toml";
 
 #[test]
-fn own_participants_give_one_tape_in_processes_in_one_and_resumed() {
+fn own_participants_give_one_tape_in_every_way_and_resumed() {
     let folder = Folder::new("lander");
     let path = |name: &str| folder.path().join(name);
     let (apart, whole, resumed) = (path("apart"), path("whole"), path("resumed"));

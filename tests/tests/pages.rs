@@ -58,7 +58,7 @@ fn the_page_on_scenarios_begins_with_the_example_that_runs() {
 }
 
 #[test]
-fn the_guards_of_the_page_let_the_close_capture_pass() {
+fn documented_guards_pass_the_close_capture() {
     let guards = example(&read("docs/scenarios.md"), "## `[guards.NAME]`");
     let folder = Folder::new("guards-of-the-page");
     let stock = read("scenarios/close.toml").replace("../", &format!("{}/", root().display()));
@@ -107,7 +107,7 @@ fn tests_that_pages_name_exist() {
 }
 
 #[test]
-fn links_between_pages_lead_somewhere() {
+fn links_between_pages_have_a_target() {
     let mut broken = Vec::new();
     for (page, text) in pages() {
         for (number, line) in text.lines().enumerate() {

@@ -71,7 +71,7 @@ fn log(out: &Path, name: &str) -> String {
 }
 
 #[test]
-fn every_language_says_the_same_in_processes_and_in_one() {
+fn logs_are_equal_in_every_language_and_way_of_running() {
     let folder = Folder::new("diaries");
     for (run, can_be_inside) in everywhere() {
         for inside in [false, true].into_iter().filter(|inside| !inside || *can_be_inside) {
@@ -101,7 +101,7 @@ fn every_language_says_the_same_in_processes_and_in_one() {
 }
 
 #[test]
-fn one_that_is_replaced_is_told_so() {
+fn replaced_participant_terminates_with_that_reason() {
     let folder = Folder::new("replaced");
     for (run, can_be_inside) in everywhere() {
         let (_, table) = run.split_once('=').expect("a run");
@@ -145,7 +145,7 @@ fn scenario(more: &str) -> Scenario {
 }
 
 #[test]
-fn without_a_folder_the_outcome_has_what_was_said() {
+fn outcome_without_a_folder_contains_the_logs() {
     for record in [Record::Memory, Record::Digest, Record::Nothing] {
         let outcome = engine::run::run(&scenario(""), &inside(record)).unwrap();
         assert_eq!(
@@ -157,7 +157,7 @@ fn without_a_folder_the_outcome_has_what_was_said() {
 }
 
 #[test]
-fn a_run_that_goes_back_ends_no_part_and_one_that_is_dropped_ends_all() {
+fn restored_run_terminates_no_participant_dropped_run_all() {
     let mut run = Run::start(&scenario(""), &inside(Record::Memory)).unwrap();
     run.run_to("30 ms").unwrap();
     let here = run.save().unwrap();
@@ -179,7 +179,7 @@ fn a_run_that_goes_back_ends_no_part_and_one_that_is_dropped_ends_all() {
 }
 
 #[test]
-fn one_that_panics_is_not_called_again_and_the_others_are() {
+fn panicked_participant_is_not_terminated_but_others_are() {
     let mut run = Run::start(&scenario("parameters = { panics-at = 1 }\n"), &inside(Record::Memory)).unwrap();
     run.run_to("50 ms").unwrap_err();
     let outcome = run.end().unwrap();

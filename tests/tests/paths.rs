@@ -302,7 +302,7 @@ fn refused_run_leaves_nothing_and_force_replaces_a_run() {
 }
 
 #[test]
-fn failed_run_keeps_its_folder_with_what_its_programs_said() {
+fn failed_run_keeps_its_folder_with_participant_logs() {
     let folder = Folder::new("died");
     let scenario = oscillator(&folder, "damper");
     let died = folder.path().join("died");
@@ -318,7 +318,7 @@ fn failed_run_keeps_its_folder_with_what_its_programs_said() {
 }
 
 #[test]
-fn run_that_fails_before_it_has_begun_replaces_no_other() {
+fn run_that_fails_at_its_start_replaces_no_other_run() {
     let folder = Folder::new("unbegun");
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("good");

@@ -106,7 +106,7 @@ fn addresses(parent: u32) -> Vec<String> {
 }
 
 #[test]
-fn nothing_of_a_run_is_for_others() {
+fn files_and_objects_of_a_run_are_private_to_its_user() {
     let running = Running::start();
     let mut objects = running.objects();
     let memory = objects
@@ -207,7 +207,7 @@ fn doctor_leaves_the_objects_of_another_user() {
 }
 
 #[test]
-fn a_run_of_another_user_is_refused_with_the_real_reason() {
+fn run_of_another_user_is_refused_with_the_actual_reason() {
     let files = Folder::new("of-another");
     let scenario = oscillator(&files, "damper");
     let out = files.path().join("run");

@@ -53,7 +53,7 @@ fn refused(library: &Path, code: i32, words: &[&str]) {
 }
 
 #[test]
-fn healthy_one_runs() {
+fn healthy_plugin_runs() {
     let folder = Folder::new("healthy");
     let library = misuse("nothing");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&library)));
@@ -118,7 +118,7 @@ fn unusable_tables_are_refused_before_anything_runs() {
 }
 
 #[test]
-fn what_a_step_does_wrong_is_the_participants_failure() {
+fn wrong_result_of_a_step_is_the_participants_failure() {
     for (wrong, words) in [
         (
             "past-end",
@@ -156,7 +156,7 @@ fn what_a_step_does_wrong_is_the_participants_failure() {
 }
 
 #[test]
-fn signal_during_a_step_in_one_process_is_answered_in_words_and_the_next_one_ends_it() {
+fn signal_during_a_step_is_reported_and_the_second_ends_the_run() {
     let folder = Folder::new("hangs");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&misuse("hangs"))));
     let out = folder.path().join("run");
@@ -174,7 +174,7 @@ fn signal_during_a_step_in_one_process_is_answered_in_words_and_the_next_one_end
 }
 
 #[test]
-fn failed_save_is_reported_in_its_own_words() {
+fn failed_save_is_reported_with_its_message() {
     unsaved("save-fails", &["its `save` failed: the file of the state is locked"]);
 }
 
@@ -226,7 +226,7 @@ fn program_with_an_unusable_table_is_refused_by_its_name() {
 }
 
 #[test]
-fn exceptions_become_the_failure_in_their_own_words() {
+fn exceptions_become_failures_with_their_message() {
     let library = workshop().plugin("tests/plugins/throws.cpp", "libthrows.so", &[]);
     let folder = Folder::new("throws");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&library)));
@@ -310,7 +310,7 @@ fn optional_members_with_another_signature_do_not_compile() {
 }
 
 #[test]
-fn files_that_are_no_plugin_are_refused_with_their_place() {
+fn files_that_are_no_plugin_are_refused_with_line_and_key() {
     let (folder, shop) = (Folder::new("no-plugin"), workshop());
     let text_file = folder.write("libtext.so", "this is a text and no library at all\n");
     let place = &["one.toml:4", "participants.counter.run"][..];
@@ -365,7 +365,7 @@ fn files_that_are_no_plugin_are_refused_with_their_place() {
 }
 
 #[test]
-fn run_tables_that_make_no_sense_are_refused() {
+fn invalid_run_tables_are_refused() {
     let folder = Folder::new("run-table");
     let library = misuse("nothing");
     let file = text(&library);
@@ -398,7 +398,7 @@ fn run_tables_that_make_no_sense_are_refused() {
 
 /// `escapement.h` and the types of the package `plugin` have the same sizes, offsets and numbers.
 #[test]
-fn header_says_what_the_library_does() {
+fn header_agrees_with_the_library() {
     use std::mem::offset_of;
 
     use plugin::table::{Field, Host, Message, Step, Table};

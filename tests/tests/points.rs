@@ -100,7 +100,7 @@ fn point_runs_alone_with_the_digest_that_it_had() {
 }
 
 #[test]
-fn kept_folders_are_those_that_were_asked_for() {
+fn requested_run_folders_are_kept() {
     let folder = Folder::new("kept");
     let out = folder.path().join("sweep");
     let said = close(
@@ -167,7 +167,7 @@ fn kept_folders_are_those_that_were_asked_for() {
 }
 
 #[test]
-fn campaign_ends_as_soon_as_enough_is_known() {
+fn campaign_ends_when_its_stopping_rule_holds() {
     let folder = Folder::new("until");
     let out = |name: &str| folder.path().join(name);
     let run = |name: &str, workers: &str, more: &[&str]| {

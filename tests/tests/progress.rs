@@ -19,7 +19,7 @@ fn long_run(out: &str, more: &[&str]) -> Child {
 }
 
 #[test]
-fn a_long_run_without_a_terminal_writes_lines_on_standard_error_alone() {
+fn long_run_without_a_terminal_reports_on_stderr_alone() {
     let folder = Folder::new("progress");
     let out = |name: &str| text(&folder.path().join(name)).to_owned();
     let runs = [

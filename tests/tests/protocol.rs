@@ -91,7 +91,7 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
 }
 
 #[test]
-fn the_examples_of_the_page_are_what_travels() {
+fn documented_examples_are_the_encoded_messages() {
     let page = std::fs::read_to_string(root().join("docs/protocol.md")).expect("the page is there");
     let table: String = examples()
         .iter()
@@ -185,7 +185,7 @@ impl Plain<'_> {
 }
 
 #[test]
-fn the_part_of_a_plan_reads_as_the_page_says() {
+fn assignment_decodes_as_documented() {
     let mut plan = plan();
     let part = |first| Observed {
         every: 5,

@@ -31,7 +31,7 @@ fn caught_with(violation: &str, more: &[&str], words: &[&str]) -> (Folder, Said)
 }
 
 #[test]
-fn early_finish_note_is_refused_and_its_sender_named() {
+fn early_finish_event_is_refused_and_its_sender_named() {
     let has = "has recorded 100 samples of `damper.push` where the plan has 1000";
     let (folder, _) = caught("finishes", &["`damper`: reports that it has finished", has]);
     let summary = std::fs::read_to_string(folder.path().join("run/summary.json")).unwrap();
@@ -42,7 +42,7 @@ fn early_finish_note_is_refused_and_its_sender_named() {
 }
 
 #[test]
-fn false_rest_note_is_refused_before_a_checkpoint() {
+fn false_pause_event_is_refused_before_a_checkpoint() {
     for (violation, words) in [
         (
             "rests-early",
@@ -114,7 +114,7 @@ fn sample_past_the_granted_time_is_refused() {
 }
 
 #[test]
-fn repeated_notes_do_not_count_as_progress() {
+fn repeated_events_do_not_count_as_progress() {
     caught_with(
         "repeats-itself",
         &["--patience", "3 s"],
@@ -139,27 +139,27 @@ fn participant_text_cannot_steer_the_terminal_or_fake_lines() {
 }
 
 #[test]
-fn a_repeated_sample_is_refused_by_its_reader() {
+fn subscriber_rejects_repeated_sample() {
     caught("link-repeats", &["`damper.push` sent sample #99 after sample #99"]);
 }
 
 #[test]
-fn a_sample_out_of_order_is_refused_by_its_reader() {
+fn subscriber_rejects_sample_out_of_order() {
     caught("link-back", &["`damper.push` sent sample #50 after sample #99"]);
 }
 
 #[test]
-fn a_second_way_to_the_recorder_is_named_at_once() {
+fn second_connection_to_the_recorder_is_named_at_once() {
     caught("record-twice", &["`damper`", "opened a second way to the recorder"]);
 }
 
 #[test]
-fn a_skipped_sample_is_refused_by_its_reader() {
+fn subscriber_rejects_skipped_sample() {
     caught("link-skips", &["`damper.push` sent sample #101 where #100 is due"]);
 }
 
 #[test]
-fn a_false_stamp_is_refused_by_its_reader() {
+fn subscriber_rejects_false_stamp() {
     caught(
         "link-stamp",
         &["`damper.push` sent sample #100 stamped", "its stamp must be 1 s"],
@@ -167,12 +167,12 @@ fn a_false_stamp_is_refused_by_its_reader() {
 }
 
 #[test]
-fn a_nan_is_refused_by_its_reader() {
+fn subscriber_rejects_nan() {
     caught("link-nan", &["`damper.push` sent sample #100 with force = NaN"]);
 }
 
 #[test]
-fn a_false_record_is_refused_and_its_author_named() {
+fn recorder_rejects_false_record_and_names_its_sender() {
     let of = "`damper`";
     caught("record-repeats", &[of, "stamped 1 s; its stamp must be 0.99 s"]);
     caught("record-back", &[of, "damper.push", "50", "100"]);
@@ -185,7 +185,7 @@ fn a_false_record_is_refused_and_its_author_named() {
 }
 
 #[test]
-fn an_answer_that_is_none_is_refused_and_its_author_named() {
+fn invalid_answer_is_refused_and_its_sender_named() {
     let of = "`damper`";
     caught("garbage", &[of, "a reply cannot be decoded"]);
     caught("count", &[of, "a reply cannot be decoded"]);
@@ -194,16 +194,16 @@ fn an_answer_that_is_none_is_refused_and_its_author_named() {
 }
 
 #[test]
-fn another_version_of_the_protocol_is_refused() {
+fn other_protocol_version_is_refused() {
     caught("version", &["`damper`", "`offender` speaks version"]);
 }
 
 #[test]
-fn ports_that_cannot_be_are_refused() {
+fn invalid_ports_are_refused() {
     caught("gap", &["`damper`", "describes ports that cannot be"]);
 }
 
 #[test]
-fn who_never_answers_is_named() {
+fn participant_that_never_answers_is_named() {
     caught("silence", &["`damper`", "did not answer within 3 s"]);
 }

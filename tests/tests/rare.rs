@@ -64,7 +64,7 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
+fn probability_equals_the_known_one_despite_interruptions() {
     let folder = Folder::new("rare");
     springs(&folder, "");
     let file = folder.write("rare.toml", CAMPAIGN);
@@ -193,7 +193,7 @@ fn lander_that_falls_too_fast_is_found_too() {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn invalid_subset_simulation_is_refused() {
     let folder = Folder::new("rare-refused");
     springs(&folder, "");
     let out = folder.path().join("out");
@@ -265,7 +265,7 @@ fn what_cannot_be_is_refused() {
 }
 
 #[test]
-fn what_is_measured_without_a_limit_lacks_that_alone() {
+fn criterion_without_a_limit_is_refused_for_that_alone() {
     let folder = Folder::new("rare-no-limit");
     springs(
         &folder,

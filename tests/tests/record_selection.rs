@@ -26,7 +26,7 @@ fn close(out: &Path, more: &[&str]) -> Said {
 }
 
 #[test]
-fn what_is_kept_is_what_it_was_in_every_way_of_running() {
+fn selected_samples_equal_the_whole_tape_in_every_way() {
     let folder = Folder::new("recorded");
     let out = |name: &str| folder.path().join(name);
     let whole = close(&out("whole"), &["--in-process"]).json();
@@ -83,7 +83,7 @@ fn what_is_kept_is_what_it_was_in_every_way_of_running() {
 }
 
 #[test]
-fn pages_and_exports_show_what_there_is() {
+fn pages_and_exports_show_the_recorded_samples() {
     let folder = Folder::new("recorded-shown");
     let out = folder.path().join("run");
     close(&out, &[&["--in-process"], &PARTS[..]].concat());
@@ -108,7 +108,7 @@ fn pages_and_exports_show_what_there_is() {
 }
 
 #[test]
-fn what_needs_the_rest_is_refused() {
+fn commands_that_need_unrecorded_samples_are_refused() {
     let world = World::with(
         "recorded-refused",
         "damper",

@@ -28,7 +28,7 @@ fn refused(from: &str, to: &str, expected: &[&str]) {
 }
 
 #[test]
-fn an_unknown_key() {
+fn unknown_key_is_refused() {
     refused(
         "duration = ",
         "duratoin = \"1 s\"\nduration = ",
@@ -37,7 +37,7 @@ fn an_unknown_key() {
 }
 
 #[test]
-fn an_unknown_key_of_a_participant() {
+fn unknown_key_of_a_participant_is_refused() {
     refused(
         "[participants.plant]",
         "[participants.plant]\nperoid = \"1 ms\"",
@@ -46,7 +46,7 @@ fn an_unknown_key_of_a_participant() {
 }
 
 #[test]
-fn an_unknown_parameter() {
+fn unknown_parameter_is_refused() {
     refused(
         "[participants.controller.parameters]",
         "[participants.controller.parameters]\nspeeed = 3",
@@ -69,7 +69,7 @@ fn title_with_control_characters_is_refused_and_escaped() {
 }
 
 #[test]
-fn a_wrong_unit() {
+fn wrong_unit_is_refused() {
     refused(
         "period = \"1 ms\"",
         "period = \"1 m\"",
@@ -78,7 +78,7 @@ fn a_wrong_unit() {
 }
 
 #[test]
-fn a_missing_connection() {
+fn missing_connection_is_refused() {
     refused(
         "to = \"plant.command\"",
         "to = []",
@@ -87,7 +87,7 @@ fn a_missing_connection() {
 }
 
 #[test]
-fn samples_in_flight_beyond_the_limit_name_the_longest_part_of_the_delay() {
+fn too_many_samples_in_flight_name_the_longest_delay() {
     refused(
         "delay = \"0 ms\"\n\n[assessment]",
         "delay = \"1 ms\"\njitter = \"9 h\"\n\n[assessment]",
@@ -111,7 +111,7 @@ fn samples_in_flight_beyond_the_limit_name_the_longest_part_of_the_delay() {
 }
 
 #[test]
-fn a_file_that_is_not_there() {
+fn missing_file_is_refused() {
     refused(
         "servicer.urdf",
         "serviser.urdf",
@@ -120,7 +120,7 @@ fn a_file_that_is_not_there() {
 }
 
 #[test]
-fn a_builtin_that_is_not_there() {
+fn unknown_builtin_is_refused() {
     refused(
         "builtin = \"plant\"",
         "builtin = \"plan\"",
@@ -129,7 +129,7 @@ fn a_builtin_that_is_not_there() {
 }
 
 #[test]
-fn text_that_is_not_toml() {
+fn invalid_toml_is_refused() {
     refused(
         "[connections.command]",
         "[connections.command",
@@ -195,7 +195,7 @@ fn overrides_are_checked_like_the_file() {
 
 /// A file is read in stages, each of which needs the result of the previous one: sections, parameters, plan.
 #[test]
-fn all_mistakes_of_a_stage_are_named_at_once() {
+fn all_errors_of_a_stage_are_reported_at_once() {
     let scenario = root().join("scenarios/close.toml");
     let sections = [
         ("participants.plant.period=0s", "must be positive"),
@@ -225,7 +225,7 @@ fn all_mistakes_of_a_stage_are_named_at_once() {
 }
 
 #[test]
-fn an_algebraic_loop_names_its_members_and_what_would_break_it() {
+fn algebraic_loop_is_refused_with_its_members_and_the_remedy() {
     let folder = Folder::new("loop");
     let scenario = folder.write(
         "loop.toml",
@@ -257,7 +257,7 @@ to = "a.from"
 }
 
 #[test]
-fn a_run_folder_is_never_overwritten() {
+fn run_folder_is_never_overwritten() {
     let folder = Folder::new("taken");
     folder.write("precious.txt", "work of years");
     let scenario = root().join("scenarios/close.toml");
@@ -276,7 +276,7 @@ fn a_run_folder_is_never_overwritten() {
 
 /// A file of tuned gains that does not fit: the key, what is wrong, the remedy.
 #[test]
-fn gains_that_do_not_fit_the_controller() {
+fn gains_that_do_not_fit_the_controller_are_refused() {
     let folder = Folder::new("gains");
     let tuned = std::fs::read_to_string(root().join("gains/pi-diagonal.toml")).unwrap();
     let integral = tuned.lines().find(|line| line.starts_with("ki = ")).unwrap();
@@ -380,7 +380,7 @@ fn gains_of_another_robot_are_warned_of() {
 }
 
 #[test]
-fn a_panel_of_signals_that_are_not_there() {
+fn panel_of_unknown_signals_is_refused() {
     for (panel, expected) in [
         (
             "curves = [\"plant.truth.position\"]",

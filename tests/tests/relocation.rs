@@ -18,7 +18,7 @@ fn policy(seat: &str, policy: &str) -> String {
 const BACK: &str = "restart-from-checkpoint";
 
 #[test]
-fn who_dies_on_the_way_back_is_brought_back_too() {
+fn participant_that_dies_during_relocation_is_restarted() {
     // The plant dies in its step, and one of the two once more when the run is restored.
     for (plant, damper) in [
         (&["late"][..], &["restore"][..]),
@@ -51,7 +51,7 @@ fn who_dies_on_the_way_back_is_brought_back_too() {
 }
 
 #[test]
-fn a_participant_that_fails_on_the_way_back_is_not_replaced() {
+fn participant_that_fails_in_relocation_is_not_replaced() {
     // The substitute would start at the end of the tape, and the others are at the restored checkpoint.
     let world = World::new("rewound", "damper");
     let (plant, damper) = (dies(&world, "plant", &["late"]), dies(&world, "damper", &["restore"]));
@@ -71,7 +71,7 @@ fn a_participant_that_fails_on_the_way_back_is_not_replaced() {
 }
 
 #[test]
-fn who_dies_when_asked_for_its_state_goes_back_like_the_others() {
+fn participant_that_dies_in_save_is_relocated_with_the_others() {
     let world = World::new("state", "damper");
     let (runs, policy) = (dies(&world, "damper", &["save"]), policy("damper", BACK));
     let said = world.run("run", &["--set", &runs, "--set", &policy, "--checkpoint-every", "4 s"]);
@@ -84,7 +84,7 @@ fn who_dies_when_asked_for_its_state_goes_back_like_the_others() {
 }
 
 #[test]
-fn a_death_as_a_resumed_run_begins_goes_back_to_its_checkpoint() {
+fn death_at_the_start_of_a_resumed_run_is_recovered() {
     let world = World::new("resumed", "damper");
     let said = world.run("run", &["--checkpoint-at", "4 s"]);
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -97,7 +97,7 @@ fn a_death_as_a_resumed_run_begins_goes_back_to_its_checkpoint() {
 }
 
 #[test]
-fn a_substitute_that_dies_as_it_takes_over_follows_the_policy_of_its_seat() {
+fn substitute_that_dies_at_takeover_follows_the_slots_policy() {
     let world = World::with("newcomer", "damper", &substitution("4.5 s", "dies", "keep"));
     let scenario = std::fs::read_to_string(&world.scenario).unwrap();
     let marks = format!(
@@ -140,7 +140,7 @@ fn asked_to_move(more: &[&str]) -> (World, escapement_tests::program::Said) {
 }
 
 #[test]
-fn who_dies_when_asked_to_move_is_named() {
+fn participant_that_dies_at_a_relocate_request_is_named() {
     let (_, said) = asked_to_move(&[]);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(
@@ -151,7 +151,7 @@ fn who_dies_when_asked_to_move_is_named() {
 }
 
 #[test]
-fn who_dies_when_asked_to_move_is_replaced_where_it_was() {
+fn participant_that_dies_at_a_relocate_request_is_replaced() {
     let damper = participant("damper").display().to_string();
     let substitute = policy("damper", &format!("{{ substitute = {{ exe = {damper:?} }} }}"));
     let (world, said) = asked_to_move(&["--set", &substitute]);
@@ -168,7 +168,7 @@ fn who_dies_when_asked_to_move_is_replaced_where_it_was() {
 }
 
 #[test]
-fn who_dies_on_every_way_back_is_given_up() {
+fn participant_that_dies_in_every_relocation_ends_the_run() {
     let world = World::new("always", "damper");
     let exe = participant("dies").display().to_string();
     let runs = format!("participants.damper.run={{ exe = {exe:?}, args = [\"always\", \"late\", \"restore\"] }}");
@@ -190,7 +190,7 @@ fn who_dies_on_every_way_back_is_given_up() {
 }
 
 #[test]
-fn a_participant_without_a_policy_that_dies_on_the_way_ends_the_run() {
+fn death_in_relocation_without_a_policy_ends_the_run() {
     let world = World::new("stop", "damper");
     let (plant, damper) = (dies(&world, "plant", &["late"]), dies(&world, "damper", &["restore"]));
     let policy = policy("plant", BACK);

@@ -49,7 +49,7 @@ fn identical(said: &Said) -> u64 {
 }
 
 #[test]
-fn every_stock_participant_says_the_same_again() {
+fn replay_of_every_stock_participant_is_identical() {
     let folder = Folder::new("replay");
     let run = capture(&folder);
     for (who, samples) in [("controller", 900), ("guidance", 900), ("plant", 15_005)] {
@@ -65,7 +65,7 @@ fn every_stock_participant_says_the_same_again() {
 }
 
 #[test]
-fn another_parameter_is_found_at_the_first_sample_that_it_changes() {
+fn changed_parameter_is_found_at_the_first_different_sample() {
     let folder = Folder::new("replay-parameter");
     let run = capture(&folder);
     let set = ["--set", "participants.guidance.parameters.schedule.start=\"1.5 s\""];
@@ -89,7 +89,7 @@ fn another_parameter_is_found_at_the_first_sample_that_it_changes() {
 }
 
 #[test]
-fn a_tape_cut_short_is_replayed_as_far_as_it_reaches() {
+fn truncated_tape_is_replayed_to_its_end() {
     let folder = Folder::new("replay-cut");
     let scenario = oscillator(&folder, "damper");
     let run = recorded(&folder, &scenario, &[]);
@@ -119,7 +119,7 @@ fn a_tape_cut_short_is_replayed_as_far_as_it_reaches() {
 }
 
 #[test]
-fn a_crash_happens_again_where_it_happened() {
+fn crash_is_reproduced_at_the_same_time() {
     let folder = Folder::new("replay-crash");
     let scenario = oscillator(&folder, "crash_at");
     let run = recorded(&folder, &scenario, &[]);
@@ -138,7 +138,7 @@ fn a_crash_happens_again_where_it_happened() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_with_the_difference() {
+fn replay_that_does_not_fit_is_refused_with_the_difference() {
     let folder = Folder::new("replay-misfit");
     let scenario = oscillator(&folder, "damper");
     let run = recorded(&folder, &scenario, &[]);
@@ -176,7 +176,7 @@ fn what_does_not_fit_is_refused_with_the_difference() {
 }
 
 #[test]
-fn a_replay_that_is_stopped_claims_nothing_beyond_its_last_sample() {
+fn stopped_replay_reports_only_the_compared_samples() {
     let folder = Folder::new("replay-stopped");
     let run = recorded(&folder, &oscillator(&folder, "damper"), &[]);
     // Without input the pause has no answer, and the replay is stopped there.
@@ -193,7 +193,7 @@ fn a_replay_that_is_stopped_claims_nothing_beyond_its_last_sample() {
 }
 
 #[test]
-fn a_debugger_has_time_before_the_first_step() {
+fn replay_waits_for_a_debugger_before_the_first_step() {
     let folder = Folder::new("replay-debugger");
     let scenario = oscillator(&folder, "damper");
     let run = recorded(&folder, &scenario, &[]);
@@ -279,7 +279,7 @@ fn branch_is_replayed_where_its_own_plan_made_it() {
 }
 
 #[test]
-fn a_tape_with_a_part_of_what_is_needed_is_refused_by_name() {
+fn tape_that_lacks_needed_streams_is_refused_by_name() {
     let folder = Folder::new("replay-record");
     for (who, what, does) in [
         ("controller", "record.plant.measured=false", "reads"),

@@ -6,7 +6,7 @@ use escapement_tests::world::{World, substitution};
 use rustix::process::Signal;
 
 #[test]
-fn a_resumed_run_is_the_same_run() {
+fn resumed_run_has_the_undisturbed_tape() {
     let world = World::new("resume", "damper");
     let said = world.run("saved", &["--checkpoint-every", "3 s", "--checkpoint-at", "1/3 s"]);
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -26,7 +26,7 @@ fn a_resumed_run_is_the_same_run() {
 }
 
 #[test]
-fn a_longer_duration_goes_on_behind_the_end() {
+fn longer_duration_continues_past_the_end() {
     let world = World::new("longer", "damper");
     assert_eq!(
         world
@@ -39,7 +39,7 @@ fn a_longer_duration_goes_on_behind_the_end() {
 }
 
 #[test]
-fn a_branch_asks_what_if() {
+fn branch_with_a_change_differs_from_its_checkpoint_on() {
     let world = World::new("branch", "damper");
     assert_eq!(world.run("saved", &["--checkpoint-at", "4 s"]).code, Some(0));
     let said = world.resume("saved", "late", &["--set", "connections.push.delay=25ms"]);
@@ -53,7 +53,7 @@ fn a_branch_asks_what_if() {
 }
 
 #[test]
-fn branch_behind_a_checkpoint_is_the_run_that_says_so_itself() {
+fn branch_after_a_checkpoint_equals_a_declared_substitution() {
     // The other program pushes with 90 N from its first step on.
     for from in ["4.123 s", "4 s", "9.99 s"] {
         let world = World::with("branch-at", "damper", &substitution(from, "out_of_range", "keep"));
@@ -82,7 +82,7 @@ fn assert_nothing_beside(world: &World, names: &[&str]) {
 }
 
 #[test]
-fn branch_without_a_change_is_the_run_itself() {
+fn branch_without_a_change_has_the_tape_of_the_run() {
     let world = World::new("branch-none", "damper");
     assert_eq!(world.run("saved", &["--checkpoint-every", "3 s"]).code, Some(0));
     for (number, from) in ["3 s", "5.0005 s", "1/3 s", "9.999 s"].into_iter().enumerate() {
@@ -112,7 +112,7 @@ fn branch_without_a_change_is_the_run_itself() {
 
 /// A branch is killed on the way to its start: the folder that it uses for that is found and removed, and not before.
 #[test]
-fn what_a_killed_branch_leaves_is_removed() {
+fn leftovers_of_a_killed_branch_are_removed() {
     let world = World::new("branch-killed", "slow");
     let said = world.run("saved", &["--checkpoint-at", "1 s", "--duration", "2 s"]);
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -188,7 +188,7 @@ fn branch_does_not_depend_on_the_checkpoint_before_it() {
 }
 
 #[test]
-fn what_cannot_be_resumed_is_refused() {
+fn invalid_resume_is_refused() {
     let world = World::new("refused", "damper");
     assert_eq!(world.run("saved", &["--checkpoint-at", "4 s"]).code, Some(0));
     let said = world.resume("saved", "early", &["--from", "1 s"]);
@@ -269,7 +269,7 @@ fn a_damaged_checkpoint_is_named_where_an_earlier_one_is_taken() {
 }
 
 #[test]
-fn who_cannot_be_saved_is_named() {
+fn participant_that_cannot_be_saved_is_named() {
     let world = World::new("forgetful", "forgetful");
     let said = world.run("saved", &["--checkpoint-at", "4 s"]);
     assert_eq!(said.code, Some(1), "{said:?}");
@@ -306,7 +306,7 @@ fn killed(world: &World, name: &str, who: &str, how: Signal) -> Said {
 }
 
 #[test]
-fn after_a_death_and_a_restart_it_is_the_same_run() {
+fn restarted_run_has_the_undisturbed_tape() {
     let world = World::new("restart", "damper");
     for (name, who, how) in [
         ("killed damper", "damper", Signal::KILL),
@@ -326,7 +326,7 @@ fn after_a_death_and_a_restart_it_is_the_same_run() {
 }
 
 #[test]
-fn who_fails_again_and_again_is_given_up() {
+fn repeatedly_failing_participant_ends_the_run() {
     let world = World::new("hopeless", "crash_at");
     let policy = "participants.damper.on-failure=restart-from-checkpoint";
     let said = world.run("run", &["--set", policy]);
@@ -339,7 +339,7 @@ fn who_fails_again_and_again_is_given_up() {
 }
 
 #[test]
-fn who_does_something_else_after_a_restart_is_named() {
+fn participant_that_differs_after_a_restart_is_named() {
     let world = World::new("moody", "moody");
     let said = killed(&world, "run", "damper", Signal::KILL);
     assert_eq!(said.code, Some(1), "{said:?}");
@@ -372,7 +372,7 @@ fn substitute_takes_over_from_the_failed_participant() {
 }
 
 #[test]
-fn a_substitute_in_mid_run_starts_afresh_or_keeps_the_state() {
+fn substitute_in_mid_run_starts_anew_or_keeps_the_state() {
     let world = World::with("cold", "damper", &substitution("2.005 s", "damper", "cold"));
     let said = world.run("run", &[]);
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -437,7 +437,7 @@ fn a_substitute_with_other_ports_is_refused_with_the_difference() {
 }
 
 #[test]
-fn a_restart_never_goes_back_to_before_a_substitution() {
+fn restart_never_returns_to_before_a_substitution() {
     let world = World::with("order", "damper", &substitution("2.5 s", "damper", "keep"));
     let said = killed(&world, "run", "plant", Signal::KILL);
     assert_eq!(said.code, Some(0), "{said:?}");

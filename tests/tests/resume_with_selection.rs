@@ -106,7 +106,7 @@ fn thinned(whole: &Path, part: &Path) {
 }
 
 #[test]
-fn resumed_without_the_rest_it_is_the_same_run() {
+fn resumed_run_with_selected_samples_is_the_same_run() {
     let world = leaky("recorded-resumed", "damper", "");
     let path = |name: &str| world.path(name);
     assert_eq!(world.run("plain", &[]).code, Some(0));
@@ -152,7 +152,7 @@ fn resumed_without_the_rest_it_is_the_same_run() {
 }
 
 #[test]
-fn branch_without_the_rest_is_the_branch_of_the_whole_run() {
+fn branch_with_selected_samples_equals_that_of_the_whole_run() {
     let world = leaky("recorded-branch", "damper", "");
     for (name, more) in [("saved", &[][..]), ("whole", &WHOLE)] {
         assert_eq!(
@@ -209,7 +209,7 @@ fn branch_without_the_rest_is_the_branch_of_the_whole_run() {
 }
 
 #[test]
-fn restarted_without_the_rest_it_is_the_same_run() {
+fn restarted_run_with_selected_samples_is_the_same_run() {
     let world = leaky("recorded-restart", "damper", "");
     assert_eq!(world.run("plain", &[]).code, Some(0));
     for who in ["damper", "plant"] {
@@ -245,7 +245,7 @@ fn restarted_without_the_rest_it_is_the_same_run() {
 }
 
 #[test]
-fn substituted_without_the_rest_it_is_the_same_run() {
+fn substituted_run_with_selected_samples_is_the_same_run() {
     let keep = substitution("2 s", "damper", "keep") + &substitution("4.005 s", "damper", "keep");
     let world = leaky("recorded-kept", "damper", &keep);
     assert_eq!(world.run("run", &["--checkpoint-every", "3 s"]).code, Some(0));
@@ -272,7 +272,7 @@ fn substituted_without_the_rest_it_is_the_same_run() {
 
 /// Two masses of the stock program, of which nothing and a window are recorded, respectively; and a capture, with its own figures.
 #[test]
-fn builtins_are_taken_up_without_the_rest_in_both_ways() {
+fn builtins_with_selected_samples_are_resumed_in_both_ways() {
     let folder = Folder::new("recorded-builtins");
     let stock = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
     let more = "\n[record]\nleft = false\nright.motion = { every = \"50 ms\", to = \"2 s\" }\n\n\

@@ -100,7 +100,7 @@ fn misuse_by_a_caller_is_refused_with_the_reason() {
 }
 
 #[test]
-fn header_of_runs_says_what_the_library_does() {
+fn run_header_agrees_with_the_library() {
     use std::mem::offset_of;
 
     use run_c::{Options, Outcome, Sample};

@@ -66,7 +66,7 @@ fn ways(folder: &Folder, name: &str) -> Vec<(bool, Options)> {
 }
 
 #[test]
-fn rests_and_steps_leave_no_trace_on_the_tape() {
+fn pauses_and_steps_do_not_change_the_tape() {
     let _alone = alone();
     let folder = Folder::new("rests");
     let whole = engine::run::run(&scenario(false, true, ""), &inside(Record::Digest)).unwrap();
@@ -93,7 +93,7 @@ fn rests_and_steps_leave_no_trace_on_the_tape() {
 }
 
 #[test]
-fn loop_that_is_closed_from_code_is_the_same_everywhere_and_is_repeated() {
+fn loop_closed_from_code_is_reproducible_in_every_way() {
     let _alone = alone();
     let folder = Folder::new("closed");
     let mut tapes = Vec::new();
@@ -142,7 +142,7 @@ fn loop_that_is_closed_from_code_is_the_same_everywhere_and_is_repeated() {
 }
 
 #[test]
-fn future_that_was_left_is_not_on_the_tape() {
+fn abandoned_branch_is_not_on_the_tape() {
     let _alone = alone();
     let folder = Folder::new("futures");
     let push = |force: f64| Push { force, count: 0 };
@@ -181,7 +181,7 @@ fn future_that_was_left_is_not_on_the_tape() {
 }
 
 #[test]
-fn two_runs_at_once_do_not_meet_and_a_dropped_one_leaves_nothing() {
+fn simultaneous_runs_are_isolated_and_clean_up_on_drop() {
     let _alone = alone();
     let folder = Folder::new("two");
     let mut one = Run::start(&scenario(true, true, ""), &into_folder(&folder, "one", false)).unwrap();
@@ -240,7 +240,7 @@ fn children() -> usize {
 }
 
 #[test]
-fn what_code_asks_wrongly_is_refused_by_name() {
+fn invalid_request_from_code_is_refused_by_name() {
     let refusal = |failure: RunFailure| failure.to_string();
     let damped = scenario(false, true, "");
     let mut run = Run::start(&damped, &inside(Record::Memory)).unwrap();
@@ -284,7 +284,7 @@ fn what_code_asks_wrongly_is_refused_by_name() {
 }
 
 #[test]
-fn participant_that_fails_ends_the_run_and_the_handle_says_how() {
+fn participant_failure_ends_the_run_and_is_in_the_handle() {
     let _alone = alone();
     let folder = Folder::new("fails");
     let text = |run: &str| {

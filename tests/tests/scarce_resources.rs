@@ -84,7 +84,7 @@ fn too_little_shared_memory_is_refused_with_the_remedy() {
 }
 
 #[test]
-fn shared_memory_that_cannot_be_used_is_named_by_doctor_and_by_a_run() {
+fn unusable_shared_memory_is_named_by_doctor_and_by_a_run() {
     let folder = Folder::new("read-only");
     ring(&folder, 2);
     let script = "mount -o remount,ro /dev/shm || exit 99\n\
@@ -171,7 +171,7 @@ fn shared_memory_that_is_filled_in_mid_run_ends_it_in_order() {
 }
 
 #[test]
-fn a_program_that_takes_long_to_start_is_given_its_time() {
+fn program_that_starts_slowly_is_waited_for() {
     let world = World::new("tardy", "damper");
     let exe = participant("tardy").display().to_string();
     let tardy = format!("participants.damper.run={{ exe = '{exe}', args = ['2'] }}");
@@ -202,7 +202,7 @@ fn copy(folder: &Path) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_builtin_is_restarted_after_its_program_was_built_anew() {
+fn builtin_is_restarted_after_its_program_was_rebuilt() {
     let folder = Folder::new("rebuilt");
     let (program, out) = (copy(folder.path()), folder.path().join("run"));
     let mut command = Command::new(&program);

@@ -47,7 +47,7 @@ fn written(folder: &Folder, name: &str, scenario: &str) -> String {
 }
 
 #[test]
-fn what_does_not_fit_a_scene_is_refused_with_line_key_value_and_remedy() {
+fn invalid_scene_is_refused_with_line_key_value_and_remedy() {
     let folder = Folder::new("scene-refusals");
     let good = written(&folder, "good.toml", SCENARIO);
     let said = orchestrate(&["check", &good]);
@@ -122,7 +122,7 @@ fn data(page: &str) -> serde_json::Value {
 }
 
 #[test]
-fn scene_of_a_scenario_is_in_its_page_and_a_model_takes_the_place_of_a_body() {
+fn page_has_the_scene_and_a_model_replaces_a_body() {
     let folder = Folder::new("scene-page");
     let scenario = written(&folder, "good.toml", SCENARIO);
     let run = folder.path().join("run");

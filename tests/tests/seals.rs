@@ -83,7 +83,7 @@ fn shortened_stream_is_refused_by_export() {
 }
 
 #[test]
-fn a_file_that_describes_the_run_and_cannot_be_read_is_refused_where_it_is_used() {
+fn unreadable_run_description_is_refused_where_it_is_used() {
     let world = World::new("plans", "damper");
     let run = world.path("undisturbed");
     let out = world.path("exported");
@@ -112,7 +112,7 @@ fn a_file_that_describes_the_run_and_cannot_be_read_is_refused_where_it_is_used(
 }
 
 #[test]
-fn nothing_is_written_over_a_recorded_run() {
+fn recorded_run_is_never_overwritten() {
     let world = World::new("kept", "damper");
     let run = world.path("undisturbed");
     let inside = |name: &str| run.join(name);

@@ -22,7 +22,7 @@ fn shadowed(folder: &Folder, shadow: &str) -> Said {
 }
 
 #[test]
-fn the_same_program_says_the_same() {
+fn shadow_of_the_same_program_is_identical() {
     let folder = Folder::new("same");
     let said = shadowed(&folder, "damper");
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -36,7 +36,7 @@ fn the_same_program_says_the_same() {
 }
 
 #[test]
-fn the_first_difference_and_the_largest_of_each_field_are_told() {
+fn first_and_largest_difference_of_each_field_are_reported() {
     let folder = Folder::new("other");
     let scenario = root().join("scenarios/close-start-gains.toml");
     let run = |name: &str, more: &[&str]| {
@@ -101,7 +101,7 @@ fn shadow_without_a_sample_to_compare_is_not_identical() {
 }
 
 #[test]
-fn the_death_of_a_shadow_does_not_end_the_run() {
+fn shadow_failure_does_not_end_the_run() {
     for (shadow, words) in [("crash_at", "abort"), ("panics", "panicked"), ("nan", "finite")] {
         let folder = Folder::new(shadow);
         let said = shadowed(&folder, shadow);
@@ -169,7 +169,7 @@ fn other_ports_are_refused_with_the_difference() {
 }
 
 #[test]
-fn a_substitute_takes_the_place_from_the_start() {
+fn substitute_option_replaces_the_participant_from_the_start() {
     let folder = Folder::new("substitute");
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");
@@ -180,7 +180,7 @@ fn a_substitute_takes_the_place_from_the_start() {
 }
 
 #[test]
-fn two_candidates_for_one_place_are_both_compared() {
+fn two_shadows_of_one_participant_are_both_compared() {
     let folder = Folder::new("two-shadows");
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");

@@ -13,7 +13,7 @@ fn shown(path: &Path) -> String {
 }
 
 #[test]
-fn modules_use_each_other_in_no_circle() {
+fn modules_have_no_cyclic_dependencies() {
     let mut found = Vec::new();
     for target in packages().iter().flat_map(|package| &package.targets) {
         let modules = Modules::read(target);
@@ -73,7 +73,7 @@ const DRAWS_JOINTS: [&str; 2] = [
 
 /// Code that runs, records and draws any system does not mention the bundled one: not in code, comments, texts or tests.
 #[test]
-fn libraries_of_any_system_know_no_example() {
+fn generic_libraries_name_no_example() {
     let words = ["capture", "grasp", "slosh", "wheel", "thruster", "arm", "gain"];
     for name in ["lockstep", "tape", "report", "engine"] {
         let found = files(&package(name).folder, ".rs").into_iter().flat_map(|path| {
@@ -97,7 +97,7 @@ fn libraries_of_any_system_know_no_example() {
 
 /// Packages that compute, record and draw need no `unsafe`; elsewhere, clippy requires a reason for each block.
 #[test]
-fn unsafe_code_stands_in_few_packages_and_is_always_explained() {
+fn unsafe_code_is_in_few_packages_and_always_documented() {
     const WITH: [&str; 13] = [
         "allocation",
         "engine",

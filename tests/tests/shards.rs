@@ -95,7 +95,7 @@ fn merged_shards_are_what_one_machine_makes() {
 }
 
 #[test]
-fn merge_refuses_what_is_no_whole() {
+fn merge_refuses_an_incomplete_set_of_shards() {
     let folder = Folder::new("no-whole");
     let out = |name: &str| folder.path().join(name);
     let shard = |name: &str, shard: &str, more: &[&str]| {
@@ -187,7 +187,7 @@ fn run_killed(program: &Path, arguments: &[String], alone: Duration, random: &mu
 
 /// Every shard is killed at random instants until it is complete.
 #[test]
-fn killed_shards_lose_nothing_and_count_nothing_twice() {
+fn killed_shards_lose_and_duplicate_no_point() {
     let mut random = SplitMix(19);
     for (program, sweep) in &systems() {
         let folder = Folder::new("killed-shards");
@@ -219,7 +219,7 @@ fn killed_shards_lose_nothing_and_count_nothing_twice() {
 }
 
 #[test]
-fn status_says_how_far_each_shard_is() {
+fn status_reports_the_progress_of_each_shard() {
     let folder = Folder::new("status");
     let out = |name: &str| folder.path().join(name);
     let said = call(

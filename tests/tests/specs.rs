@@ -143,7 +143,7 @@ fn whole(spec: &mut ScenarioSpec) {
 }
 
 #[test]
-fn scenario_made_in_code_is_the_one_that_a_file_says() {
+fn scenario_built_in_code_equals_the_one_read_from_a_file() {
     let (folder, catalogue) = (Folder::new("specs"), catalogue());
     let file = folder.path().join("loop.toml");
     let (mut read, mut own) = (ScenarioSpec::of_text(&file, TEXT).unwrap(), made(RunSpec::builtin));
@@ -226,7 +226,7 @@ fn refused(spec: ScenarioSpec) -> ScenarioError {
 }
 
 #[test]
-fn mistakes_in_code_name_the_key_the_value_and_the_remedy() {
+fn errors_in_code_name_the_key_the_value_and_the_remedy() {
     type Change = fn(&mut ScenarioSpec);
     let cases: [(Change, &str); 14] = [
         (
@@ -304,7 +304,7 @@ fn mistakes_in_code_name_the_key_the_value_and_the_remedy() {
 }
 
 #[test]
-fn mistakes_in_what_was_read_name_the_line_or_the_change() {
+fn errors_in_a_read_scenario_name_the_line_or_the_override() {
     let mut spec = ScenarioSpec::of_text(Path::new("elsewhere.toml"), TEXT).unwrap();
     spec.participants["damper"].period = "-1 s".into();
     let line = TEXT

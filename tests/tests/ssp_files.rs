@@ -106,7 +106,7 @@ fn systems_of_other_files_are_the_scenario_written_by_hand() {
 
 /// A mistake in a system of another file is reported with that file, and a system that contains itself is rejected.
 #[test]
-fn mistakes_in_systems_of_other_files_are_named_where_they_stand() {
+fn error_in_a_referenced_system_names_its_file_and_line() {
     let folder = Folder::new("parts-refused");
     let missing = MASS.replace("resources/spring.fmu", "resources/gone.fmu");
     let within = BRAKE.replace(

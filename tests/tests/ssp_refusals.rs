@@ -7,7 +7,7 @@ use escapement_tests::packages::{description, import, package, pair, read};
 use escapement_tests::program::{Folder, orchestrate, root, text};
 
 #[test]
-fn what_is_no_package_is_refused() {
+fn invalid_package_is_refused() {
     let folder = Folder::new("no-package");
     let refused = |file: &Path, words: &[&str]| {
         let said = import(&folder, file, &[]);
@@ -93,7 +93,7 @@ const PARTS: &str = "<ssd:Connectors><ssd:Connector name=\"in\" kind=\"input\"/>
      <ssd:Connector name=\"f\" kind=\"output\"/><ssd:Connector name=\"damping\" kind=\"parameter\"/></ssd:Connectors></ssd:Component></ssd:Elements>\n";
 
 #[test]
-fn what_cannot_be_expressed_is_refused_with_its_line() {
+fn unsupported_feature_is_refused_with_its_line() {
     let folder = Folder::new("refusals");
     let refused = |name: &str, system: &str, words: &[&str]| refused(&folder, name, system, "", words);
     let with = |connections: &str| format!("{PARTS}<ssd:Connections>\n{connections}\n</ssd:Connections>");
@@ -151,7 +151,7 @@ fn what_cannot_be_expressed_is_refused_with_its_line() {
 }
 
 #[test]
-fn what_does_not_fit_the_fmus_is_refused_with_its_line() {
+fn system_that_contradicts_its_fmus_is_refused_with_its_line() {
     let folder = Folder::new("unfit");
     let refused = |name: &str, system: &str, rest: &str, words: &[&str]| refused(&folder, name, system, rest, words);
     let connectors = PARTS.replace(

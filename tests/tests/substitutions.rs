@@ -87,7 +87,7 @@ fn one_tape(folder: &Folder, scenario: &Path, name: &str, cuts: &[&str]) -> Stri
 }
 
 #[test]
-fn substitute_without_parameters_has_the_participants_own() {
+fn substitute_without_parameters_has_those_of_participant() {
     let folder = Folder::new("parameters");
     let (other, own) = (
         guidance("start = \"0 s\", point = \"1 s\", grasp = \"4 s\""),
@@ -208,7 +208,7 @@ fn check(file: &Path, more: &[&str]) -> Said {
 }
 
 #[test]
-fn keys_that_are_set_act_on_what_is_substituted() {
+fn set_applies_after_substitute() {
     let folder = Folder::new("in-order");
     let file = scenario(&folder, "in-order.toml", "");
     let wrong = ["--substitute", "controller=builtin:pilot"];
@@ -238,7 +238,7 @@ fn keys_that_are_set_act_on_what_is_substituted() {
 }
 
 #[test]
-fn options_give_what_the_file_leaves_out() {
+fn options_complete_an_incomplete_file() {
     let folder = Folder::new("left-out");
     let whole = std::fs::read_to_string(scenario(&folder, "whole.toml", "")).unwrap();
     let bare = whole

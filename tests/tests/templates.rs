@@ -150,7 +150,7 @@ fn the_capture_runs_from_its_own_folder() {
 }
 
 #[test]
-fn the_spring_is_the_example_without_a_program_of_its_own() {
+fn spring_template_has_the_tape_of_the_example() {
     let outside = Outside::new();
     follow(&outside, "spring", "spring", &[]);
     let example = outside.0.join("example");
@@ -243,7 +243,7 @@ fn fmus_are_connected_where_names_and_units_fit() {
 }
 
 #[test]
-fn a_program_of_ones_own_builds_and_runs() {
+fn own_program_template_builds_and_runs() {
     let outside = Outside::new();
     outside.compile_as_the_workspace_does();
     let done = follow(&outside, "rust", "own-lander", &[]);
@@ -260,7 +260,7 @@ fn a_program_of_ones_own_builds_and_runs() {
 }
 
 #[test]
-fn what_cannot_be_written_is_refused_with_what_can_be_done() {
+fn unwritable_project_is_refused_with_remedy() {
     let outside = Outside::new();
     let refuse = |arguments: &[&str], words: &[&str]| {
         let said = outside.escapement(arguments);

@@ -59,7 +59,7 @@ fn time_outside_the_run_is_refused_with_option_and_value() {
 
 /// Events after the end of a shortened run are no mistake, but they are reported.
 #[test]
-fn fault_and_offset_behind_the_end_are_warned_of() {
+fn fault_and_offset_after_the_end_are_warned_of() {
     let scenario = root().join("scenarios/close.toml");
     let check = |more: &[&str]| orchestrate(&[&["check", text(&scenario)], more].concat());
     let fault = "name=late,at=12s,input=controller.measured,field=q[3],kind=bias,value=0.2deg";

@@ -255,7 +255,7 @@ fn stock_plant_gives_the_same_bits_whatever_is_seen() {
 }
 
 #[test]
-fn campaign_has_the_digests_of_whole_tapes_where_they_are_asked_for() {
+fn campaign_has_whole_tape_digests_on_request() {
     let folder = Folder::new("seen-campaign");
     let scenario = root().join("scenarios/close.toml");
     let sweep = |out: &str, more: &[&str]| {

@@ -61,7 +61,7 @@ fn in_one_loop(options: Options) -> Outcome {
 }
 
 #[test]
-fn pace_that_is_not_kept_is_reported_with_who_was_late() {
+fn missed_pace_is_reported_with_the_late_participant() {
     let world = World::new("late", "slow");
     // Ten times the wall clock's pace: the damper has 1 ms for a step that takes 3.
     let said = world.run("paced", &["--duration", "1 s", "--real-time=10", "--json"]);
@@ -100,7 +100,7 @@ fn pace_that_is_not_kept_is_reported_with_who_was_late() {
 }
 
 #[test]
-fn pace_in_one_loop_is_looked_at_like_in_processes() {
+fn pace_in_one_loop_is_checked_as_in_processes() {
     let free = in_one_loop(Options::default());
     assert!(free.punctuality.is_none());
     let paced = in_one_loop(Options {
@@ -124,7 +124,7 @@ fn pace_in_one_loop_is_looked_at_like_in_processes() {
 }
 
 #[test]
-fn overrun_ends_a_run_that_is_to_stop_there() {
+fn overrun_ends_a_run_with_overrun_stop() {
     let world = World::new("overrun", "slow");
     let said = world.run("stopped", &["--real-time=10", "--overrun", "stop", "--quiet"]);
     assert_eq!(said.code, Some(1), "{said:?}");
@@ -188,7 +188,7 @@ fn assert_all_steps(spans: &[Value], activations: u64) {
 }
 
 #[test]
-fn trace_has_every_step_and_what_was_waited_for() {
+fn trace_has_every_step_and_its_wait_reasons() {
     let world = World::new("traced", "damper");
     let file = world.path("trace.json");
     let said = world.run("run", &["--trace", text(&file), "--json"]);
@@ -246,7 +246,7 @@ fn trace_of_one_loop_has_the_steps_of_all_participants() {
 }
 
 #[test]
-fn what_was_written_into_a_run_folder_on_request_is_replaced_with_the_run() {
+fn requested_files_in_a_run_folder_are_replaced_with_the_run() {
     let world = World::new("within", "damper");
     let out = world.path("run");
     let within = |name: &str| out.join(name);
@@ -284,7 +284,7 @@ fn trace_that_cannot_be_written_is_refused() {
 }
 
 #[test]
-fn trace_that_is_incomplete_is_said_to_be() {
+fn incomplete_trace_is_marked_as_incomplete() {
     let world = World::new("full", "damper");
     let said = world.run("run", &["--trace", "/dev/full"]);
     assert_eq!(said.code, Some(0), "{said:?}");
