@@ -196,18 +196,18 @@ def check_tape(orchestrator, folder, draw):
     measures = {f"m{number}": draw_measure(draw, streams) for number in range(60)}
     file = folder / "measures.toml"
     file.write_text('duration = "1 s"\n' + "".join(toml(name, one) for name, one in measures.items()))
-    said = subprocess.run([orchestrator, "measure", str(tape), "--measures", str(file), "--json"], capture_output=True, text=True)
-    assert said.returncode == 0, said.stderr
-    found = json.loads(said.stdout)["measures"]
+    output = subprocess.run([orchestrator, "measure", str(tape), "--measures", str(file), "--json"], capture_output=True, text=True)
+    assert output.returncode == 0, output.stderr
+    found = json.loads(output.stdout)["measures"]
     measured = absent = 0
     for name, one in measures.items():
         picked, values = signal(one["of"], one["minus"], one["through"], one["field"], one["from"], one["to"])
         own = found[name]
-        told = own["value"] if isinstance(own["value"], list) else [own["value"]]
+        reported = own["value"] if isinstance(own["value"], list) else [own["value"]]
         times = one["of"].records["t"][picked]
-        columns = values.T if len(values) else [np.zeros(0)] * len(told)
-        assert len(told) == len(columns) or not len(values), f"{toml(name, one)}: {own}"
-        for value, x in zip(told, columns):
+        columns = values.T if len(values) else [np.zeros(0)] * len(reported)
+        assert len(reported) == len(columns) or not len(values), f"{toml(name, one)}: {own}"
+        for value, x in zip(reported, columns):
             expected = figure(one["compute"], x, times, one["of"].period, one)
             if expected is not None and not np.isfinite(expected):
                 expected = None

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 use escapement_tests::sources::files;
 
 fn read(name: &str) -> String {
@@ -64,8 +64,8 @@ fn documented_guards_pass_the_close_capture() {
     let stock = read("scenarios/close.toml").replace("../", &format!("{}/", root().display()));
     let scenario = folder.write("close.toml", &format!("{stock}\n{guards}"));
     let out = folder.path().join("run");
-    let said = orchestrate(&["run", text(&scenario), "--in-process", "--quiet", "--out", text(&out)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", text(&scenario), "--in-process", "--quiet", "--out", text(&out)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 #[test]
