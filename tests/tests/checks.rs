@@ -147,7 +147,7 @@ fn non_executable_file_is_refused_with_its_key() {
         path
     };
     let scenario = write_oscillator(&folder, "damper");
-    let refused = |program: &Path, key: &str, set: &str| {
+    let assert_refused = |program: &Path, key: &str, set: &str| {
         let out = folder.path().join("run");
         let output = run_orchestrator(&["run", text(&scenario), "--set", set, "--out", text(&out)]);
         assert_eq!(output.code, Some(2), "{}: {output:?}", program.display());
@@ -157,9 +157,9 @@ fn non_executable_file_is_refused_with_its_key() {
     for program in [write("lost", b"#!/nowhere/at/all\n"), folder.path().join("missing")] {
         let exe = format!("{{ exe = \"{}\" }}", program.display());
         let key = "participants.damper.run";
-        refused(&program, key, &format!("{key}={exe}"));
+        assert_refused(&program, key, &format!("{key}={exe}"));
         let key = "participants.damper.on-failure";
-        refused(&program, key, &format!("{key}={{ substitute = {exe} }}"));
+        assert_refused(&program, key, &format!("{key}={{ substitute = {exe} }}"));
     }
 }
 

@@ -289,18 +289,18 @@ fn options_that_a_campaign_file_ignores_are_refused_by_name() {
     let folder = Folder::new("ignored");
     write_springs(&folder);
     let file = folder.write("campaign.toml", CAMPAIGN);
-    let refused = |arguments: &[&str], words: &[&str]| {
+    let assert_refused = |arguments: &[&str], words: &[&str]| {
         let output = run_orchestrator(&[&["sweep"], arguments].concat());
         assert_eq!(output.code, Some(2), "{output:?}");
         assert!(words.iter().all(|word| output.err.contains(word)), "{output:?}");
     };
     let set = "participants.right.parameters.mass=\"9 kg\"";
-    refused(
+    assert_refused(
         &[text(&file), "--set", set],
         &["participants.right.parameters.mass", "vary.mass"],
     );
-    refused(&[text(&file), "--include", "notes.txt"], &["--include", "--bundle"]);
-    refused(
+    assert_refused(&[text(&file), "--include", "notes.txt"], &["--include", "--bundle"]);
+    assert_refused(
         &[text(&file), "--on", "shell", "--engine-args", "--long"],
         &["--engine-args"],
     );
@@ -309,7 +309,7 @@ fn options_that_a_campaign_file_ignores_are_refused_by_name() {
             "named.toml",
             &CAMPAIGN.replace("[vary.mass]", &format!("[vary.{name}]")),
         );
-        refused(&[text(&named)], &["named.toml", "choose another"]);
+        assert_refused(&[text(&named)], &["named.toml", "choose another"]);
     }
     folder.write("masses.csv", "\u{feff}mass [kg],c\n1,2\nn/a,3\n");
     let column = CAMPAIGN.replace(
@@ -317,7 +317,7 @@ fn options_that_a_campaign_file_ignores_are_refused_by_name() {
         "distribution = \"column\"\nfile = \"masses.csv\"\ncolumn = \"mass\"",
     );
     let column = folder.write("column.toml", &column);
-    refused(&[text(&column)], &["column.toml", "masses.csv", "`n/a`"]);
+    assert_refused(&[text(&column)], &["column.toml", "masses.csv", "`n/a`"]);
 }
 
 #[test]

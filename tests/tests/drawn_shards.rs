@@ -229,7 +229,7 @@ fn drawn_campaign_grows_where_its_draws_stay() {
         let output = sweep(&file, &grown, &["--points", "20"]);
         assert!(output.err.contains("the campaign file is not the same"), "{output:?}");
     }
-    let refused = |file: &Path, name: &str, more: &[&str], parts: &[&str]| {
+    let assert_refused = |file: &Path, name: &str, more: &[&str], parts: &[&str]| {
         let output = sweep(file, name, more);
         assert_eq!(output.code, Some(2), "{output:?}");
         assert_eq!(output.err.matches("error:").count(), 1, "{output:?}");
@@ -244,11 +244,11 @@ fn drawn_campaign_grows_where_its_draws_stay() {
         "cannot become one of 16",
         "random or sobol",
     ];
-    refused(&file, "hypercube", &[], &parts);
+    assert_refused(&file, "hypercube", &[], &parts);
     let grid = "scenario = \"../springs.toml\"\nseeds = \"same\"\n\n[vary.late]\nkey = \"connections.to-right.delay\"\n\
                 distribution = \"discrete\"\nvalues = [\"0 ms\", \"10 ms\"]\ndesign = \"grid\"\n";
     let file = write_campaign(&folder, grid);
-    refused(
+    assert_refused(
         &file,
         "grid",
         &["--points", "4"],
@@ -256,7 +256,7 @@ fn drawn_campaign_grows_where_its_draws_stay() {
     );
     assert!(!out("grid").exists(), "nothing is written");
     let scenario = out("springs.toml");
-    refused(
+    assert_refused(
         &scenario,
         "none",
         &["--points", "4"],

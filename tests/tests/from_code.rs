@@ -30,7 +30,7 @@ fn code_that_closes_the_loop_holds_the_level() {
     let last = number_of_metres(&out, "t = 120.0 s");
     assert!((last - 1.0).abs() < 0.02, "{out}");
     assert!(out.contains("Complete, tape "), "{out}");
-    assert_eq!(output("closed_loop"), out, "the same every time");
+    assert_eq!(run_example("closed_loop"), out, "the same every time");
 }
 
 #[test]

@@ -107,7 +107,7 @@ fn tape_marks_outputs_given_from_outside() {
     let out = folder.path().join("out");
     let options = Options {
         out: Some(out.clone()),
-        ..inside(Record::Folder)
+        ..in_process_options(Record::Folder)
     };
     let mut run = Run::start(&scenario(false), &options).unwrap();
     let mut count = 0;

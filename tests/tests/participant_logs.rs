@@ -173,7 +173,7 @@ fn restored_run_terminates_no_participant_dropped_run_all() {
     let out = folder.path().join("out");
     let options = Options {
         out: Some(out.clone()),
-        ..inside(Record::Folder)
+        ..in_process_options(Record::Folder)
     };
     let mut run = Run::start(&scenario(""), &options).unwrap();
     run.run_to("30 ms").unwrap();

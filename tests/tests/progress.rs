@@ -27,7 +27,7 @@ fn long_run_without_a_terminal_reports_on_stderr_alone() {
         long_run(&out("json"), &["--json"]),
         long_run(&out("quiet"), &["--quiet"]),
     ];
-    let [plain, json, quiet]: [ProgramOutput; 3] = runs.map(finish);
+    let [plain, json, quiet]: [ProgramOutput; 3] = runs.map(wait_for_output);
     for output in [&plain, &json] {
         assert_eq!(output.code, Some(0), "{output:?}");
         assert!(!output.out.contains("times real time,"), "{output:?}");

@@ -81,7 +81,7 @@ fn plan(rng: &mut Rng, processes: bool) -> String {
         "[guards.wide]\noutput = \"plant.motion\"\nfield = \"position\"\nrange = \"[-100, 100] m\"\n\
          [guards.moves]\noutput = \"plant.motion\"\nfield = \"velocity\"\nfrozen-for = \"100 ms\"\n"
     );
-    for fault in 0..draws.below(4) {
+    for fault in 0..rng.below(4) {
         let (at, until) = (rng.below(250), 10 + rng.below(100));
         let _ = write!(
             text,
@@ -228,7 +228,7 @@ fn digest_with_pauses(scenario: &Scenario, seed: u64) -> String {
     let here = run.save().unwrap();
     run.run_to(Rational::from_millis(first + rng.below(150) as i64))
         .unwrap();
-    (0..draws.below(20)).for_each(|_| run.step().unwrap());
+    (0..rng.below(20)).for_each(|_| run.step().unwrap());
     run.restore(&here).unwrap();
     run.run_to("300 ms").unwrap();
     run.restore(&here).unwrap();

@@ -180,7 +180,7 @@ fn branch_with_selected_samples_equals_that_of_the_whole_run() {
         );
     }
     // Limits may change; a measure that would have needed samples which were not recorded cannot.
-    let refused = |change: &str, parts: &[&str]| {
+    let assert_refused = |change: &str, parts: &[&str]| {
         let output = fixture.resume("saved", "no", &["--from", "4 s", "--set", change]);
         assert_ne!(output.code, Some(0), "{change}: {output:?}");
         for part in parts {
@@ -188,16 +188,16 @@ fn branch_with_selected_samples_equals_that_of_the_whole_run() {
         }
         let _ = std::fs::remove_dir_all(fixture.path("no"));
     };
-    refused(
+    assert_refused(
         "connections.motion.delay=1.0023 s",
         &["sample #", "of `plant.motion`", "[record]"],
     );
-    refused(
+    assert_refused(
         "measures.middle.percent=60",
         &["measure `middle` is new or was changed"],
     );
-    refused("guards.moves.frozen-for=2 s", &["guard `moves` is new or was changed"]);
-    refused(
+    assert_refused("guards.moves.frozen-for=2 s", &["guard `moves` is new or was changed"]);
+    assert_refused(
         "record.plant.motion={ every = '1 ms', from = '1 s', to = '8 s' }",
         &["keeps more of `plant.motion`"],
     );

@@ -45,7 +45,10 @@ type Sweep = fn(&[&str]) -> Vec<String>;
 
 /// Two systems that share nothing, with their programs.
 fn systems() -> [(PathBuf, Sweep); 2] {
-    [(orchestrator().to_owned(), close), (built().join("lander"), lander)]
+    [
+        (orchestrator().to_owned(), close_arguments),
+        (built().join("lander"), lander_arguments),
+    ]
 }
 
 /// Table and pictures.
@@ -126,7 +129,7 @@ fn merge_refuses_an_incomplete_set_of_shards() {
         text(&out("close")),
     ]);
     assert!(close.code == Some(0), "{close:?}");
-    let refused = |shards: &[&str], parts: &[&str]| {
+    let assert_refused = |shards: &[&str], parts: &[&str]| {
         let places: Vec<PathBuf> = shards.iter().map(|name| out(name)).collect();
         let mut arguments = strings(&["sweep", "merge", text(&out("whole"))]);
         arguments.extend(places.iter().map(|place| text(place).to_owned()));
@@ -138,31 +141,31 @@ fn merge_refuses_an_incomplete_set_of_shards() {
         }
         assert!(!out("whole").exists(), "nothing is written");
     };
-    refused(
+    assert_refused(
         &["a", "b"],
         &["3 of 11 points are missing", "such as point 3, 6, 9", "all shards"],
     );
-    refused(
+    assert_refused(
         &["a", "half"],
         &["point 1 is in", "a and in", "half", "each shard once"],
     );
-    refused(&["a", "b", "a"], &["point 1 is in"]);
-    refused(
+    assert_refused(&["a", "b", "a"], &["point 1 is in"]);
+    assert_refused(
         &["a", "other"],
         &["not of one campaign", "the scenario or a file of it is not the same"],
     );
-    refused(
+    assert_refused(
         &["a", "more"],
         &["not of one campaign", "the points are not the same (11 and 22)"],
     );
-    refused(&["a", "close"], &["not of one campaign", "another build"]);
-    refused(&["a", "nowhere"], &["nowhere", "no campaign.json"]);
+    assert_refused(&["a", "close"], &["not of one campaign", "another build"]);
+    assert_refused(&["a", "nowhere"], &["nowhere", "no campaign.json"]);
     // A shard that was stopped on the way.
     let text_of = std::fs::read_to_string(out("b").join("results.jsonl")).unwrap();
     let first: String = text_of.split_inclusive('\n').take(1).collect();
     std::fs::write(out("b").join("results.jsonl"), first + "{\"point\": 5, \"outc").unwrap();
     shard("c", "3/3", &[]);
-    refused(
+    assert_refused(
         &["a", "b", "c"],
         &["3 of 11 points are missing", "3 of", "start it again"],
     );

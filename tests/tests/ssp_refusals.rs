@@ -9,7 +9,7 @@ use escapement_tests::program::{Folder, root, run_orchestrator, text};
 #[test]
 fn invalid_package_is_refused() {
     let folder = Folder::new("no-package");
-    let refused = |file: &Path, words: &[&str]| {
+    let assert_refused = |file: &Path, words: &[&str]| {
         let output = import(&folder, file, &[]);
         assert_eq!(output.code, Some(2), "{output:?}");
         assert!(
@@ -52,7 +52,7 @@ fn invalid_package_is_refused() {
 }
 
 /// Checks that a package with a mass on a spring (`a.fmu`) and a damper (`b.fmu`) is rejected with these words.
-fn assert_refused(folder: &Folder, name: &str, system: &str, rest: &str, words: &[&str]) {
+fn assert_package_refused(folder: &Folder, name: &str, system: &str, rest: &str, words: &[&str]) {
     let (spring, damper) = pair(folder);
     let files = [("a.fmu", spring), ("b.fmu", damper)];
     let package = package(folder, &description(system, rest), &files);
@@ -66,7 +66,7 @@ fn assert_refused(folder: &Folder, name: &str, system: &str, rest: &str, words: 
 #[test]
 fn elements_that_are_no_fmus_are_refused_all_at_once() {
     let folder = Folder::new("elements");
-    assert_refused(
+    assert_package_refused(
         &folder,
         "elements",
         "<ssd:Elements>\n<ssd:Component name=\"model\" type=\"text/x-modelica\" source=\"a.fmu\"/>\n<ssd:Component name=\"none\"/>\n\
@@ -87,7 +87,7 @@ fn elements_that_are_no_fmus_are_refused_all_at_once() {
     );
 }
 
-/// The two of [`assert_refused`] as components `a` and `b`, which end on line 5.
+/// The two of [`assert_package_refused`] as components `a` and `b`, which end on line 5.
 const PARTS: &str = "<ssd:Connectors><ssd:Connector name=\"in\" kind=\"input\"/></ssd:Connectors>\n<ssd:Elements>\
      <ssd:Component name=\"a\" source=\"a.fmu\"><ssd:Connectors><ssd:Connector name=\"f\" kind=\"input\"/>\
      <ssd:Connector name=\"x\" kind=\"output\"/><ssd:Connector name=\"v\" kind=\"output\"/><ssd:Connector name=\"marker\" kind=\"parameter\"/>\
@@ -98,7 +98,8 @@ const PARTS: &str = "<ssd:Connectors><ssd:Connector name=\"in\" kind=\"input\"/>
 #[test]
 fn unsupported_feature_is_refused_with_its_line() {
     let folder = Folder::new("refusals");
-    let refused = |name: &str, system: &str, words: &[&str]| assert_refused(&folder, name, system, "", words);
+    let assert_refused =
+        |name: &str, system: &str, words: &[&str]| assert_package_refused(&folder, name, system, "", words);
     let with = |connections: &str| format!("{PARTS}<ssd:Connections>\n{connections}\n</ssd:Connections>");
     let link = |from: &str, to: &str, rest: &str| {
         let end = |side: &str, text: &str| match text.split_once('.') {
@@ -156,8 +157,9 @@ fn unsupported_feature_is_refused_with_its_line() {
 #[test]
 fn system_that_contradicts_its_fmus_is_refused_with_its_line() {
     let folder = Folder::new("unfit");
-    let refused =
-        |name: &str, system: &str, rest: &str, words: &[&str]| assert_refused(&folder, name, system, rest, words);
+    let assert_refused = |name: &str, system: &str, rest: &str, words: &[&str]| {
+        assert_package_refused(&folder, name, system, rest, words)
+    };
     let connectors = PARTS.replace(
         "name=\"damping\" kind=\"parameter\"",
         "name=\"dumping\" kind=\"parameter\"",

@@ -118,7 +118,7 @@ fn a_stopped_participant_is_named_whatever_it_was_doing() {
             "{output:?}"
         );
         assert!(output.err.contains("stopped by a signal or a debugger"), "{output:?}");
-        fixture.prefix(&name);
+        fixture.assert_prefix(&name);
     }
 }
 

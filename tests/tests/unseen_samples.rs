@@ -152,7 +152,7 @@ fn outputs_are_computed_where_they_are_seen() {
     let options = Options {
         record: Record::Folder,
         out: Some(folder.path().join("run")),
-        ..inside(Record::Folder)
+        ..in_process_options(Record::Folder)
     };
     assert_eq!(run(&record("{ to = \"9 ms\" }"), &options).1, [READ, 10]);
     let (scenario, counts) = scenario("");

@@ -16,7 +16,7 @@ fn json(path: &Path) -> CheckResult<Value> {
 }
 
 /// The undisturbed run of a case.
-pub(super) struct Reference {
+pub(super) struct ReferenceRun {
     pub(super) folder: PathBuf,
     /// The streams, with the size of their files and of a record, in the order of the index.
     streams: Vec<(String, Vec<u8>, usize)>,
@@ -31,9 +31,9 @@ pub(super) enum TapeExtent {
     Whole,
 }
 
-impl Reference {
+impl ReferenceRun {
     /// Reads the tape of a complete run.
-    pub(super) fn read(folder: PathBuf) -> CheckResult<Reference> {
+    pub(super) fn read(folder: PathBuf) -> CheckResult<ReferenceRun> {
         let tape = folder.join("tape");
         let index = json(&tape.join("index.json"))?;
         let streams = index["streams"].as_array().cloned().unwrap_or_default().into_iter();
@@ -50,7 +50,7 @@ impl Reference {
             "the undisturbed tape is empty".into()
         })?;
         let seal = json(&tape.join("seal.json"))?;
-        Ok(Reference {
+        Ok(ReferenceRun {
             folder,
             streams,
             digest: seal["digest"].as_str().unwrap_or_default().to_owned(),

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::inspect::{Reference, TapeExtent, ensure_nothing_left};
+use super::inspect::{ReferenceRun, TapeExtent, ensure_nothing_left};
 use super::signals::{
-    Action, DeliveredSignal, Ended, Moment, PATIENCE, ProcessNames, Running, ScheduledSignal, TapeProgress, Target,
-    ensure_no_process_left,
+    Action, DeliveredSignal, Moment, PATIENCE, ProcessNames, RunOutcome, Running, ScheduledSignal, TapeProgress,
+    Target, ensure_no_process_left,
 };
 use super::{Case, CheckResult, Rng, Tally, ensure, ensure_equal};
 use crate::page::LivePage;
@@ -23,12 +23,12 @@ const CLEANUP_TIME: Duration = Duration::from_secs(30);
 
 /// Undisturbed runs, created on first use.
 #[derive(Default)]
-pub(super) struct References {
-    known: BTreeMap<u64, (Arc<Case>, Arc<Reference>)>,
+pub(super) struct ReferenceRuns {
+    known: BTreeMap<u64, (Arc<Case>, Arc<ReferenceRun>)>,
     folders: Vec<Folder>,
 }
 
-impl References {
+impl ReferenceRuns {
     /// The case `number` of `seed` and its undisturbed run.
     pub(super) fn get(
         &mut self,
@@ -36,7 +36,7 @@ impl References {
         number: u64,
         short: bool,
         tally: &mut Tally,
-    ) -> CheckResult<(Arc<Case>, Arc<Reference>)> {
+    ) -> CheckResult<(Arc<Case>, Arc<ReferenceRun>)> {
         if let Some(known) = self.known.get(&number) {
             return Ok(known.clone());
         }
@@ -51,7 +51,7 @@ impl References {
         let healthy = || format!("the undisturbed run of case {number} failed: {ended:?}");
         ensure(ended.code == Some(case.code), healthy)?;
         ensure_no_process_left(&token, Duration::ZERO)?;
-        let known = (Arc::new(case), Arc::new(Reference::read(out)?));
+        let known = (Arc::new(case), Arc::new(ReferenceRun::read(out)?));
         self.folders.push(folder);
         self.known.insert(number, known.clone());
         Ok(known)
@@ -156,7 +156,7 @@ pub(super) fn run(
     seed: u64,
     number: u64,
     pauses_only: bool,
-    references: &mut References,
+    references: &mut ReferenceRuns,
     tally: &mut Tally,
 ) -> CheckResult<()> {
     let mut rng = Rng::new(seed, &format!("round {number}"));
@@ -187,7 +187,7 @@ struct Round {
     folder: Folder,
     names: Vec<String>,
     case: Arc<Case>,
-    reference: Arc<Reference>,
+    reference: Arc<ReferenceRun>,
     script: Script,
 }
 
@@ -282,7 +282,7 @@ impl Round {
     }
 
     /// Checks the invariants after a run that ended in this way.
-    fn check_outcome(&self, ended: &Ended, delivered: &[DeliveredSignal], out: &Path) -> CheckResult<bool> {
+    fn check_outcome(&self, ended: &RunOutcome, delivered: &[DeliveredSignal], out: &Path) -> CheckResult<bool> {
         let ends: Vec<i32> = delivered
             .iter()
             .filter_map(|one| Some(one.ends_the_orchestrator()?.as_raw()))
@@ -328,7 +328,7 @@ impl Round {
     /// For a run that ended with exit code 1: the participant named in the message, which must be one that received a signal.
     fn identify_failed_participant(
         &self,
-        ended: &Ended,
+        ended: &RunOutcome,
         delivered: &[DeliveredSignal],
         ends: &[i32],
     ) -> CheckResult<Option<String>> {

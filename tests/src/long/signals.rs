@@ -112,7 +112,7 @@ pub(super) struct Running {
 
 /// How an orchestrator ended.
 #[derive(Debug)]
-pub(super) struct Ended {
+pub(super) struct RunOutcome {
     /// The exit code; `None` when a signal ended it.
     pub(super) code: Option<i32>,
     pub(super) signal: Option<i32>,
@@ -155,7 +155,7 @@ impl Running {
     }
 
     /// Waits for the end.
-    pub(super) fn finish(mut self) -> CheckResult<Ended> {
+    pub(super) fn finish(mut self) -> CheckResult<RunOutcome> {
         while !self.over() {
             if self.started.elapsed() > LIMIT {
                 let seen = self.err();
@@ -166,7 +166,7 @@ impl Running {
             std::thread::sleep(Duration::from_millis(1));
         }
         let status = self.child.wait().expect("a child can be waited for");
-        Ok(Ended {
+        Ok(RunOutcome {
             code: status.code(),
             signal: std::os::unix::process::ExitStatusExt::signal(&status),
             err: self.err(),

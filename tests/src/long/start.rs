@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::inspect::{TapeExtent, ensure_nothing_left};
-use super::round::References;
+use super::round::ReferenceRuns;
 use super::signals::{Running, ensure_no_process_left};
 use super::{CheckResult, Rng, Tally, ensure, ensure_equal};
 use crate::program::Folder;
@@ -12,7 +12,7 @@ use crate::program::Folder;
 const CASES: u64 = 18;
 
 /// Start `number` of `seed`.
-pub(super) fn run(seed: u64, number: u64, references: &mut References, tally: &mut Tally) -> CheckResult<()> {
+pub(super) fn run(seed: u64, number: u64, references: &mut ReferenceRuns, tally: &mut Tally) -> CheckResult<()> {
     let mut rng = Rng::new(seed, &format!("start {number}"));
     let at = rng.below(CASES);
     let (case, reference) = references.get(seed, at, true, tally)?;

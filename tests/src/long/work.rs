@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::round::References;
+use super::round::ReferenceRuns;
 use super::{RoundKind, Tally, campaign, inspect, round, start};
 use crate::program::{all_built, participant};
 
@@ -60,7 +60,7 @@ impl Work {
     /// Executes the work of a worker: every `jobs`-th round from number `share` on, with a line on standard output for each.
     pub fn run_share(&self, share: u64) {
         all_built();
-        let mut references = References::default();
+        let mut references = ReferenceRuns::default();
         for number in self.numbers().skip(share as usize).step_by(self.jobs as usize) {
             let mut tally = Tally::default();
             let (seed, kind) = (self.seed, self.kind);

@@ -197,7 +197,7 @@ fn invalid_subset_simulation_is_refused() {
     let folder = Folder::new("rare-refused");
     springs(&folder, "");
     let out = folder.path().join("out");
-    let refused = |text_of: &str, more: &[&str], parts: &[&str]| {
+    let assert_refused = |text_of: &str, more: &[&str], parts: &[&str]| {
         let file = folder.write("wrong.toml", text_of);
         let output = run_orchestrator(&[&["sweep", text(&file), "--out", text(&out), "--quiet"], more].concat());
         assert_eq!(output.code, Some(2), "{output:?}");
@@ -208,48 +208,48 @@ fn invalid_subset_simulation_is_refused() {
     };
     let with = |from: &str, to: &str| CAMPAIGN.replace(from, to);
     let table = |more: &str| format!("{CAMPAIGN}\n[subset]\n{more}\n");
-    refused(
+    assert_refused(
         &with("points = 300", "points = 305"),
         &[],
         &["points", "305 cannot be divided into chains of 10"],
     );
-    refused(
+    assert_refused(
         &table("share = 0.3"),
         &[],
         &["subset.share", "0.3 is not one over a whole number"],
     );
-    refused(
+    assert_refused(
         &table("levels = 0"),
         &[],
         &["subset.levels", "0 is no whole number from 1 to 100"],
     );
-    refused(
+    assert_refused(
         &table("level = 3"),
         &[],
         &["subset.level", "unknown key", "criterion, share, levels"],
     );
-    refused(
+    assert_refused(
         &table("criterion = \"speed\""),
         &[],
         &["wrong.toml:20: subset.criterion: ", "no criterion `speed`", "`swing`"],
     );
-    refused(
+    assert_refused(
         &with("\"subset\"", "\"random\"").replace("seed = 5", "seed = 5\nsubset = { levels = 3 }"),
         &[],
         &["subset", "write design = \"subset\""],
     );
-    refused(
+    assert_refused(
         &with("deviation = \"4 mm\"", "deviation = \"4 mm\"\ndesign = \"sobol\""),
         &[],
         &["vary.start.design", "design subset has one for all dispersions"],
     );
-    refused(CAMPAIGN, &["--until", "met within 1 %"], &["--until", "leave it out"]);
-    refused(
+    assert_refused(CAMPAIGN, &["--until", "met within 1 %"], &["--until", "leave it out"]);
+    assert_refused(
         CAMPAIGN,
         &["--shard", "1/2"],
         &["--shard", "depend on those before them"],
     );
-    refused(CAMPAIGN, &["--on", "shell"], &["--on"]);
+    assert_refused(CAMPAIGN, &["--on", "shell"], &["--on"]);
 
     // A folder alone does not determine how such a campaign continues.
     let file = folder.write("rare.toml", CAMPAIGN);
