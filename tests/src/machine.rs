@@ -1,4 +1,4 @@
-//! What runs may leave on the machine, and must not.
+//! Leftovers of runs on the machine: objects in shared memory, folders and processes.
 
 use std::fs;
 use std::io::Read;

@@ -19,7 +19,7 @@ use crate::participants::{Motion, Push};
 
 /// Its slot in a run, with the ends of its links.
 pub struct Offender {
-    /// Its part of the plan.
+    /// Its assignment in the plan.
     pub assignment: Assignment,
     /// The destination of its samples.
     pub record: SharedRecord,

@@ -65,7 +65,7 @@ fn error_in_a_case_names_the_case_list() {
 }
 
 #[test]
-fn an_audit_without_another_shard_is_refused() {
+fn audit_without_another_shard_is_refused() {
     let folder = Folder::new("audit-alone");
     let scenario = fixture::write_two_masses(&folder);
     let out = folder.path().join("out");

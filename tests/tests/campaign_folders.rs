@@ -1,4 +1,4 @@
-//! What stands in a campaign's folder is trusted only as far as it is whole, and what is missing is reported.
+//! Damaged and incomplete campaign folders: damaged points are rejected, and missing ones are reported.
 
 use std::path::{Path, PathBuf};
 
@@ -34,7 +34,7 @@ fn assert_refused(output: &ProgramOutput, parts: &[&str]) {
     }
 }
 
-/// Replaces the file `name` in `folder` by what `change` makes of its lines.
+/// Replaces the file `name` in `folder` by the result of `change` on its lines.
 fn edit_lines(folder: &Path, name: &str, change: impl FnOnce(&mut Vec<String>)) {
     let path = folder.join(name);
     let mut lines: Vec<String> = std::fs::read_to_string(&path)

@@ -403,7 +403,7 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
 }
 
 #[test]
-fn a_list_of_cases_injects_faults_and_substitutes() {
+fn case_list_injects_faults_and_substitutes() {
     let folder = Folder::new("cases-faults");
     let scenario = write_oscillator(&folder, "damper");
     let exe = |name: &str| participant(name).display().to_string();

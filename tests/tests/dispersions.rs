@@ -1,4 +1,4 @@
-//! Campaign files from the user's point of view: one table whatever happens, rejected distributions, and the page.
+//! Campaign files from the user's point of view: one table despite interruptions, rejected distributions, and the page.
 
 use std::process::Command;
 

@@ -85,7 +85,7 @@ fn kill_during_campaign(mut child: Child, folder: &Path) {
 }
 
 #[test]
-fn drawn_shards_are_what_one_machine_makes() {
+fn drawn_shards_give_the_table_of_one_machine() {
     let folder = Folder::new("drawn-shards");
     let springs = write_campaign(&folder, SPRINGS);
     let captures = root().join("campaigns/dispersed-captures.toml");

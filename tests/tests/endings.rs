@@ -74,7 +74,7 @@ fn run_allocates_nothing_between_its_second_and_last_step() {
 }
 
 #[test]
-fn an_abort_is_named_with_its_signal_and_time() {
+fn abort_is_named_with_its_signal_and_time() {
     let (folder, output) = run_with_damper("crash_at", &[]);
     assert_eq!(output.code, Some(1), "{output:?}");
     assert!(
@@ -85,7 +85,7 @@ fn an_abort_is_named_with_its_signal_and_time() {
 }
 
 #[test]
-fn a_run_that_fails_has_no_verdict() {
+fn failed_run_has_no_verdict() {
     let measure = "measures.peak={ of = \"plant.motion.position\", compute = \"max-abs\", at-most = \"1 km\" }";
     let (folder, output) = run_with_damper("crash_at", &["--set", measure]);
     assert_eq!(output.code, Some(1), "{output:?}");
@@ -123,7 +123,7 @@ fn panic_is_reported_with_its_message() {
 }
 
 #[test]
-fn a_nan_names_port_and_field() {
+fn nan_is_named_with_port_and_field() {
     let (folder, output) = run_with_damper("nan", &[]);
     assert_eq!(output.code, Some(1), "{output:?}");
     assert!(
@@ -247,7 +247,7 @@ fn participant_that_never_connects_is_reported_with_its_log() {
 }
 
 #[test]
-fn a_port_in_other_units_is_refused_with_the_difference() {
+fn port_in_other_units_is_refused_with_the_difference() {
     let (_, output) = run_with_damper("wrong_descriptor", &[]);
     assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
@@ -418,7 +418,7 @@ fn run_under_limit(limit: &str, duration: &str) -> (Folder, ProgramOutput) {
 }
 
 #[test]
-fn a_full_disk_ends_the_run_and_names_the_file() {
+fn full_disk_ends_the_run_and_names_the_file() {
     // 64 MiB are enough for shared memory and too little for 3,600,000 samples of 24 bytes.
     let (folder, output) = run_under_limit("-f 65536", "3600 s");
     assert_eq!(output.code, Some(1), "{output:?}");
@@ -455,7 +455,7 @@ fn too_few_open_files_are_named_before_the_start() {
 }
 
 #[test]
-fn a_file_that_gets_too_large_is_named_by_export_and_report() {
+fn file_beyond_the_size_limit_is_named_by_export_and_report() {
     let (folder, output) = run_with_damper("damper", &["--quiet"]);
     assert_eq!(output.code, Some(0), "{output:?}");
     let run = folder.path().join("run");

@@ -1,4 +1,4 @@
-//! A mistake is reported once, with the option that caused it and where to correct it; its consequences are not reported as mistakes.
+//! An error is reported once, with the option that caused it and the place to correct it; its consequences are not reported as errors.
 
 use std::path::Path;
 
@@ -71,7 +71,7 @@ fn value_of_wrong_type_is_refused_with_the_remedy() {
 }
 
 #[test]
-fn a_participant_with_a_bad_name_is_refused_at_its_line() {
+fn participant_with_an_invalid_name_is_refused_at_its_line() {
     let folder = Folder::new("bad-names");
     let whole = std::fs::read_to_string(fixture::write_two_masses(&folder)).expect("it was written");
     assert!(whole.contains("[participants.left]"), "{whole}");

@@ -3,7 +3,7 @@
 use escapement_tests::program::{Folder, built_as_shipped, run_orchestrator};
 
 #[test]
-fn the_example_runs_as_the_readme_says() {
+fn example_runs_as_documented_in_the_readme() {
     built_as_shipped();
     let folder = Folder::new("spring");
     let out = folder.path().join("run");

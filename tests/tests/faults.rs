@@ -178,7 +178,7 @@ fn flipped_exponent_is_named_when_its_participant_fails() {
 }
 
 #[test]
-fn a_late_link_reads_older_samples_and_then_the_newest() {
+fn delayed_link_reads_older_samples_and_then_the_newest() {
     let folder = Folder::new("late");
     let scenario = write_oscillator(&folder, "damper");
     let run = folder.path().join("run");

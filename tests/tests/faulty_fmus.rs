@@ -18,7 +18,7 @@ fn run(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> ProgramO
     output
 }
 
-/// The same, whatever is left.
+/// As [`run`], without the check of the temporary folder.
 fn run_and_wait(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> ProgramOutput {
     let scenario = folder.write(
         "bad.toml",
@@ -136,7 +136,7 @@ fn next_run_removes_unpacked_fmu_of_a_dead_process() {
 }
 
 #[test]
-fn warnings_are_in_the_participants_log_wherever_it_runs() {
+fn warnings_are_in_the_participants_log_in_every_way() {
     for version in [2, 3] {
         let folder = Folder::new("warns");
         let file = TestFmu {

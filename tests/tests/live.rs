@@ -1,4 +1,4 @@
-//! A run that is watched and steered from a page: the effect of steering, and the rejection of every other access.
+//! A run that is followed and controlled from a page: the effect of its commands, and the rejection of every other access.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -205,7 +205,7 @@ fn run_in_one_process_is_steered_and_serves_its_result() {
 }
 
 #[test]
-fn a_run_that_is_refused_has_no_address() {
+fn refused_run_has_no_address() {
     let folder = Folder::new("live-refused");
     let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("run");

@@ -8,7 +8,7 @@ use escapement_tests::program::{Folder, ProgramOutput, built, participant, root,
 use serde_json::Value;
 use tape::{Reader, Records, Source};
 
-/// Two springs under names of their own, at periods that do not meet often, and everything that can be measured of them.
+/// Two springs with periods that rarely coincide, and all kinds of measures of them.
 fn springs(folder: &Folder) -> PathBuf {
     let scenario = format!(
         r#"title = "Two bobs"

@@ -76,7 +76,7 @@ fn unexpanded_macro_is_refused_and_not_a_robot_without_arm() {
 }
 
 #[test]
-fn scenario_check_warns_of_what_its_robot_leaves_out() {
+fn scenario_check_warns_of_unmodelled_parts_of_its_robot() {
     let folder = Folder::new("models");
     let stock = std::fs::read_to_string(root().join("models/servicer.urdf")).unwrap();
     let rough = stock.replacen("friction=\"0\"", "friction=\"0.5\"", 1);

@@ -55,7 +55,7 @@ fn own_participants_run_in_a_campaign() {
 }
 
 #[test]
-fn own_program_names_what_it_contains() {
+fn own_program_lists_its_participants() {
     let (code, output) = lander(&["run", "scenarios/close.toml"]);
     assert_eq!(code, Some(2), "{output}");
     assert!(

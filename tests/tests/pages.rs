@@ -10,7 +10,7 @@ fn read(name: &str) -> String {
 }
 
 #[test]
-fn the_readme_quotes_the_example_that_compiles() {
+fn readme_quotes_the_example_that_compiles() {
     let readme = read("README.md");
     for file in ["examples/spring/src/main.rs", "examples/spring/spring.toml"] {
         assert!(
@@ -42,7 +42,7 @@ fn example(page: &str, above: &str) -> String {
 }
 
 #[test]
-fn the_page_on_scenarios_begins_with_the_example_that_runs() {
+fn scenario_page_begins_with_the_example_that_runs() {
     // With `tests/examples.rs`, which runs the file.
     let scenario = example(&read("docs/scenarios.md"), "# The scenario file");
     let whole = read("examples/spring/spring.toml");
@@ -69,7 +69,7 @@ fn documented_guards_pass_the_close_capture() {
 }
 
 #[test]
-fn the_architecture_page_stays_short() {
+fn architecture_page_stays_short() {
     let count = read("ARCHITECTURE.md").lines().count();
     assert!(count < 400, "ARCHITECTURE.md:{count}: 400 lines are the limit");
 }

@@ -238,7 +238,7 @@ fn run_of_another_user_is_refused_with_the_actual_reason() {
 }
 
 #[test]
-fn an_existing_folder_keeps_its_mode() {
+fn existing_folder_keeps_its_mode() {
     let files = Folder::new("modes");
     let scenario = write_oscillator(&files, "damper");
     let out = files.path().join("run");

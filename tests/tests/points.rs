@@ -29,7 +29,7 @@ fn runs(out: &Path) -> Vec<String> {
 }
 
 #[test]
-fn point_runs_alone_with_the_digest_that_it_had() {
+fn point_rerun_alone_has_the_same_digest() {
     let folder = Folder::new("point");
     let out = |name: &str| folder.path().join(name);
     let rows = close(&out("sweep"), &[&DELAYS[..], &["--json", "--digest"]].concat()).json()["rows"].clone();
@@ -206,7 +206,7 @@ fn campaign_ends_when_its_stopping_rule_holds() {
 }
 
 #[test]
-fn campaign_that_grows_runs_what_is_new_alone() {
+fn extended_campaign_runs_only_new_points() {
     let folder = Folder::new("grows");
     let out = |name: &str| folder.path().join(name);
     let seeds = |name: &str, count: &str| close(&out(name), &["--seeds", count, "--json"]);

@@ -102,7 +102,7 @@ fn documented_examples_are_the_encoded_messages() {
     }
 }
 
-/// A reader written only from the page.
+/// A decoder written only from the page.
 struct PageDecoder<'a>(&'a [u8]);
 
 impl PageDecoder<'_> {
@@ -174,7 +174,7 @@ impl PageDecoder<'_> {
         let terms = self.list(|this| (this.u32(), this.u32(), this.f64()));
         (to, terms, self.f64(), self.u8())
     }
-    /// From, until, extra, drop_below; the key is left out.
+    /// From, until, extra, drop_below; without the key.
     fn disruptions(&mut self) -> Vec<(i64, i64, i128, u64)> {
         self.list(|this| {
             let one = (this.i64(), this.i64(), this.i128(), this.u64());

@@ -76,7 +76,7 @@ fn second_publisher_of_a_record_is_named_not_its_owner() {
 }
 
 #[test]
-fn consumer_finds_samples_although_no_notifier_wakes_it() {
+fn consumer_finds_samples_without_a_wake_up() {
     let folder = Folder::new("wakes");
     let scenario = write_oscillator(&folder, "damper");
     let run = format!(

@@ -3,7 +3,7 @@
 use escapement_tests::fixture::{RunFixture, substitution};
 use escapement_tests::program::participant;
 
-/// `--set` of the program in `slot`: `dies` with the folder of its marks and its `moments`.
+/// `--set` of the program in `slot`: `dies` with the folder of its marker files and its `moments`.
 fn run_dying(fixture: &RunFixture, slot: &str, moments: &[&str]) -> String {
     let folder = fixture.folder.path().display().to_string();
     let arguments: Vec<&str> = [&[folder.as_str()], moments].concat();
@@ -136,7 +136,7 @@ fn substitute_that_dies_at_takeover_follows_the_slots_policy() {
     );
 }
 
-/// A run in which the plant is substituted at 1 s, and the damper dies when it is requested to move.
+/// A run in which the plant is substituted at 1 s, and the damper dies at its relocate request.
 fn run_dying_at_relocate(more: &[&str]) -> (RunFixture, escapement_tests::program::ProgramOutput) {
     let faults = substitution("1 s", "oscillator", "keep").replace("\"damper\"", "\"plant\"");
     let fixture = RunFixture::with_appended("asked", "damper", &faults);

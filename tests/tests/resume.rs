@@ -257,7 +257,7 @@ fn invalid_resume_is_refused() {
 }
 
 #[test]
-fn a_damaged_checkpoint_is_named_where_an_earlier_one_is_taken() {
+fn damaged_checkpoint_is_named_and_an_earlier_one_is_used() {
     let fixture = RunFixture::new("skipped", "damper");
     let made = fixture.run("saved", &["--checkpoint-at", "3 s", "--checkpoint-at", "4 s"]);
     assert_eq!(made.code, Some(0), "{made:?}");
@@ -410,7 +410,7 @@ fn substitute_in_mid_run_starts_anew_or_keeps_the_state() {
 }
 
 #[test]
-fn a_substitute_with_other_ports_is_refused_with_the_difference() {
+fn substitute_with_other_ports_is_refused_with_the_difference() {
     // Checked before anything runs, for every substitute, at a given time or after a failure.
     let fixture = RunFixture::with_appended("ports", "damper", &substitution("2 s", "wrong_descriptor", "cold"));
     let wrong = participant("wrong_descriptor").display().to_string();

@@ -1,4 +1,4 @@
-//! Runs driven from code: the same tape however they are executed and however often they are paused; inputs that are set; futures that
+//! Runs driven from code: the same tape however they are executed and however often they are paused; inputs that are set; branches that
 //! are tried and discarded.
 
 use std::path::{Path, PathBuf};

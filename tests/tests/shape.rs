@@ -71,7 +71,7 @@ const DRAWS_JOINTS: [&str; 2] = [
     "crates/report/src/export/mcap/transforms.rs",
 ];
 
-/// Code that runs, records and draws any system does not mention the bundled one: not in code, comments, texts or tests.
+/// Code that runs, records and draws any system does not name the bundled one: not in code, comments, texts or tests.
 #[test]
 fn generic_libraries_name_no_example() {
     let words = ["capture", "grasp", "slosh", "wheel", "thruster", "arm", "gain"];

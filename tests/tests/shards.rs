@@ -74,7 +74,7 @@ fn journal(folder: &Path) -> Vec<u64> {
 }
 
 #[test]
-fn merged_shards_are_what_one_machine_makes() {
+fn merged_shards_give_the_table_of_one_machine() {
     for (number, (program, sweep)) in systems().iter().enumerate() {
         let folder = Folder::new("shards");
         let out = |name: &str| folder.path().join(name);
@@ -192,7 +192,7 @@ fn run_killed(program: &Path, arguments: &[String], alone: Duration, random: &mu
 
 /// Every shard is killed at random instants until it is complete.
 #[test]
-fn killed_shards_lose_and_duplicate_no_point() {
+fn killed_shards_lose_or_repeat_no_point() {
     let mut random = SplitMix(19);
     for (program, sweep) in &systems() {
         let folder = Folder::new("killed-shards");

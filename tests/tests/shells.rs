@@ -104,7 +104,7 @@ fn every_command_has_a_page_that_man_reads() {
 }
 
 #[test]
-fn a_version_names_the_commit_where_there_is_one() {
+fn version_names_the_commit_where_there_is_one() {
     let version = |program: &str, option: &str| run_built(program, &[option]).out.trim().to_owned();
     let own = version("escapement", "--version");
     assert_eq!(own, version("escapement", "-V"));

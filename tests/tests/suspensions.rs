@@ -11,7 +11,7 @@ use rustix::process::Signal;
 /// Longer than the patience of these runs.
 const SUSPENSION: Duration = Duration::from_secs(3);
 
-/// A paced run, a tenth of the way done, and the processes of its plant and its damper.
+/// A paced run after a tenth of its duration, and the processes of its plant and its damper.
 fn start_paced_run(fixture: &RunFixture, name: &str, more: &[&str]) -> (Child, [u32; 2]) {
     let out = fixture.path(name);
     let mut arguments = vec![
@@ -43,7 +43,7 @@ fn substitute() -> String {
 }
 
 #[test]
-fn a_suspension_beyond_patience_changes_nothing() {
+fn suspension_beyond_patience_does_not_change_the_tape() {
     let fixture = RunFixture::new("suspended", "damper");
     let policy = substitute();
     // The orchestrator alone, as by Ctrl-Z, and all processes, as by a paused container.
@@ -74,7 +74,7 @@ fn a_suspension_beyond_patience_changes_nothing() {
 }
 
 #[test]
-fn a_suspension_during_set_up_ends_nothing() {
+fn suspension_during_set_up_does_not_end_the_run() {
     let fixture = RunFixture::new("set-up", "damper");
     let out = fixture.path("run");
     let program = format!(
@@ -103,7 +103,7 @@ fn a_suspension_during_set_up_ends_nothing() {
 }
 
 #[test]
-fn a_stopped_participant_is_named_whatever_it_was_doing() {
+fn stopped_participant_is_named_in_every_state() {
     let fixture = RunFixture::new("stopped", "damper");
     for (number, participant_name) in ["plant", "damper", "damper", "plant"].into_iter().enumerate() {
         let name = format!("run{number}");
@@ -123,7 +123,7 @@ fn a_stopped_participant_is_named_whatever_it_was_doing() {
 }
 
 #[test]
-fn a_substitution_after_a_failure_is_in_the_summary() {
+fn substitution_after_a_failure_is_in_the_summary() {
     let fixture = RunFixture::new("summary", "damper");
     let (run, [_, damper]) = start_paced_run(&fixture, "run", &["--set", &substitute(), "--json"]);
     send_signal(damper, Signal::STOP);

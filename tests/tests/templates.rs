@@ -115,7 +115,7 @@ fn same_tape(a: &Path, b: &Path) {
 }
 
 #[test]
-fn the_capture_runs_from_its_own_folder() {
+fn capture_template_runs_from_its_own_folder() {
     let outside = ExternalFolder::new();
     create_and_run(&outside, "capture", "a capture", &[]);
     let project = outside.0.join("a capture");
