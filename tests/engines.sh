@@ -14,7 +14,7 @@ work=$(mktemp -d)
 chmod 755 "$work"
 
 # Daemons by their process ids, in a file because each step is a process: nothing else is ever stopped.
-started() { echo "$1" >>"$work/daemons"; }
+register_daemon() { echo "$1" >>"$work/daemons"; }
 touch "$work/daemons"
 stop() {
     local pid waited=0
@@ -53,15 +53,15 @@ python3 -m venv "$python"
 capture=(sweep scenarios/close.toml --digest --duration "300 ms" --vary connections.measured.delay=0ms..30ms:10ms --vary participants.controller.period=10ms,20ms)
 spring=(sweep "$work/project/spring.toml" --digest --vary connections.to-right.delay=0ms..110ms:10ms)
 
-same() {
+assert_same_tables() {
     local file
     for file in table.csv table.parquet figure.svg figure.png; do
         cmp "$1/$file" "$2/$file"
     done
 }
 
-# Asks for the status of a campaign until it is complete.
-complete() {
+# Polls the status of a campaign until it is complete.
+wait_until_complete() {
     local waited=0
     until "$escapement" sweep status "$1" >"$work/status"; do
         waited=$((waited + 1))
@@ -83,14 +83,14 @@ on_shell() {
     parallel --jobs 2 <"$work/lines"
     # All is there: the same command makes the table.
     "$escapement" "${capture[@]}" --on shell --audit 10% --quiet --out "$out"
-    same "$out" "$work/one-capture"
+    assert_same_tables "$out" "$work/one-capture"
 }
 step "GNU parallel" on_shell
 
 node() {
     slurmd -D -N "$1" 2>>"$work/slurm/slurmd-$1.err" &
     echo $! >"$work/slurm/$1.pid"
-    started $!
+    register_daemon $!
 }
 
 start_slurm() {
@@ -102,7 +102,7 @@ start_slurm() {
     chmod 400 "$slurm/munge.key"
     munged --force --foreground --key-file="$slurm/munge.key" --socket="$slurm/run/munge.socket" --pid-file="$slurm/run/munged.pid" \
         --log-file="$slurm/log/munged.log" --seed-file="$slurm/run/seed" --num-threads=2 >/dev/null 2>&1 &
-    started $!
+    register_daemon $!
     cat >"$slurm/slurm.conf" <<END
 ClusterName=test
 SlurmctldHost=$host(127.0.0.1)
@@ -133,7 +133,7 @@ END
     local waited=0
     until [ -S "$slurm/run/munge.socket" ]; do sleep 0.1; done
     slurmctld -D -i >/dev/null 2>&1 &
-    started $!
+    register_daemon $!
     node n1
     node n2
     until [ "$(sinfo --noheader --format='%D %t' 2>/dev/null)" = "2 idle" ]; do
@@ -159,11 +159,11 @@ on_slurm() {
     local out=$work/on-slurm pid waited=0
     start_slurm
     run() { "$escapement" "${capture[@]}" --on slurm --audit 10% --out "$out" "$@"; }
-    run --shards 8 --engine-args '--partition=long --time=5' | tee "$work/said"
-    grep -q "slurm-wlm .*: 8 shards given in jobs .*, .*, " "$work/said"
+    run --shards 8 --engine-args '--partition=long --time=5' | tee "$work/output"
+    grep -q "slurm-wlm .*: 8 shards given in jobs .*, .*, " "$work/output"
     # Points are missing yet.
-    if "$escapement" sweep status "$out" --json >"$work/said"; then return 1; fi
-    grep -q '"engine":"slurm"' "$work/said"
+    if "$escapement" sweep status "$out" --json >"$work/output"; then return 1; fi
+    grep -q '"engine":"slurm"' "$work/output"
     # Part of what waits is cancelled, and a node is lost with all that runs on it.
     scancel --state=PENDING 3
     until [ -n "$(on_node "$out" n2)" ] || [ $waited -gt 100 ]; do
@@ -181,17 +181,17 @@ on_slurm() {
     done
     if "$escapement" sweep status "$out"; then return 1; fi
     # The same command gives what is missing once more.
-    run --engine-args '--partition=long --time=5' | tee "$work/said"
-    complete "$out" || { cat "$out"/log/*; return 1; }
+    run --engine-args '--partition=long --time=5' | tee "$work/output"
+    wait_until_complete "$out" || { cat "$out"/log/*; return 1; }
     run --quiet
-    same "$out" "$work/one-capture"
+    assert_same_tables "$out" "$work/one-capture"
     # An option that the cluster does not have is one error.
-    if "$escapement" "${spring[@]}" --on slurm --shards 2 --engine-args --partition=nowhere --out "$work/refused" 2>"$work/said"; then
+    if "$escapement" "${spring[@]}" --on slurm --shards 2 --engine-args --partition=nowhere --out "$work/refused" 2>"$work/output"; then
         return 1
     fi
-    cat "$work/said"
-    [ "$(grep -c error: "$work/said")" -eq 1 ]
-    grep -q "sbatch refuses the job: .*partition" "$work/said"
+    cat "$work/output"
+    [ "$(grep -c error: "$work/output")" -eq 1 ]
+    grep -q "sbatch refuses the job: .*partition" "$work/output"
 }
 step "Slurm" on_slurm
 
@@ -200,26 +200,26 @@ on_hyperqueue() {
     export PATH=$python/bin:$PATH HQ_SERVER_DIR=$work/hyperqueue
     mkdir "$HQ_SERVER_DIR"
     python3 tests/engines/local_cluster.py "$HQ_SERVER_DIR" 2 >/dev/null &
-    started $!
+    register_daemon $!
     until [ -e "$HQ_SERVER_DIR/hq-current/access.json" ]; do sleep 0.1; done
     run() { "$escapement" "${spring[@]}" --on hyperqueue --audit 20% --out "$out" "$@"; }
-    run --shards 4 --engine-args '--cpus=1' | tee "$work/said"
-    grep -q "hyperqueue v0.27.0: 4 shards given" "$work/said"
-    complete "$out"
+    run --shards 4 --engine-args '--cpus=1' | tee "$work/output"
+    grep -q "hyperqueue v0.27.0: 4 shards given" "$work/output"
+    wait_until_complete "$out"
     # A shard whose folder is lost is missing, and given once more.
     rm -r "$out/shards/2-of-4"
-    run | tee "$work/said"
-    grep -q "1 shards given" "$work/said"
-    complete "$out"
+    run | tee "$work/output"
+    grep -q "1 shards given" "$work/output"
+    wait_until_complete "$out"
     run --quiet
-    same "$out" "$work/one-spring"
+    assert_same_tables "$out" "$work/one-spring"
     # A server that is not there is one error.
-    if "$escapement" "${spring[@]}" --on hyperqueue --engine-args --server-dir=/nowhere --out "$work/no" 2>"$work/said"; then
+    if "$escapement" "${spring[@]}" --on hyperqueue --engine-args --server-dir=/nowhere --out "$work/no" 2>"$work/output"; then
         return 1
     fi
-    cat "$work/said"
-    [ "$(grep -c error: "$work/said")" -eq 1 ]
-    grep -q "is its server up" "$work/said"
+    cat "$work/output"
+    [ "$(grep -c error: "$work/output")" -eq 1 ]
+    grep -q "is its server up" "$work/output"
 }
 step "HyperQueue" on_hyperqueue
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # Memory and undefined behaviour of the examples in C and C++, as programs and as plug-ins, with the compiler's sanitizers. (Valgrind
-# cannot run the program that loads plug-ins: it moves what the kernel says of the page size.)
+# cannot run the program that loads plug-ins: it changes the page size that the kernel reports.)
 #
 #     tests/memory.sh [FOLDER OF THE BUILT PROGRAMS]
 #
-# The project is built already (cargo build --release --workspace). What is looked at is the examples, their headers and the table of
-# functions between them and the host; a short run is enough, because every step does the same.
+# The project is built already (cargo build --release --workspace). The examples, their headers and the table of
+# functions between them and the host are checked; a short run is enough, because every step does the same.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 built=$(realpath "${1:-target/release}")
@@ -33,16 +33,16 @@ plugin() {
 c=(cc -std=c11 -D_GNU_SOURCE)
 cpp=(c++ -std=c++17)
 
-# As programs: both masses of the spring, in processes of their own, with a checkpoint and taken up again.
+# As programs: both masses of the spring, in processes of their own, with a checkpoint and resumed.
 for source in examples/c/spring.c examples/cpp/spring.cpp; do
     case $source in
     *.c) program "${c[@]}" "$source" ;;
     *) program "${cpp[@]}" "$source" ;;
     esac
-    seats=()
-    for seat in left right; do seats+=(--set "participants.$seat.run={ exe = \"$work/program\" }"); done
+    overrides=()
+    for slot in left right; do overrides+=(--set "participants.$slot.run={ exe = \"$work/program\" }"); done
     rm -rf "$work/run" "$work/again"
-    "$built/escapement" run examples/spring/spring.toml --quiet --duration 1s --checkpoint-every 0.5s "${seats[@]}" --out "$work/run" ||
+    "$built/escapement" run examples/spring/spring.toml --quiet --duration 1s --checkpoint-every 0.5s "${overrides[@]}" --out "$work/run" ||
         [ $? -eq 3 ]
     "$built/escapement" resume "$work/run" --from 0.5s --quiet --out "$work/again" || [ $? -eq 3 ]
     echo "$source: no error of the sanitizers"

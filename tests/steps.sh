@@ -1,7 +1,7 @@
-# Steps that do not stop each other. Sourced by .ci/run and tests/see.sh.
+# Steps that are independent of each other. Sourced by .ci/run and tests/external_tools.sh.
 #
-#     step NAME COMMAND…      runs the command or function, whatever became of the steps before
-#     failed_steps            says which steps failed, if any did; fails then
+#     step NAME COMMAND…      runs the command or function, whatever the result of the steps before
+#     failed_steps            prints the steps that failed, and fails if there are any
 
 steps_failed=()
 
@@ -9,7 +9,7 @@ step() {
     local name=$1 code
     shift
     printf '\n== %s (%d s)\n' "$name" "$SECONDS"
-    # As a condition the command would run without `set -e`, and a function would go on behind its first error.
+    # As a condition the command would run without `set -e`, and a function would continue after its first error.
     set +e
     (
         set -euo pipefail

@@ -15,7 +15,7 @@ sys.path.insert(0, str(EXAMPLES))
 
 
 @pytest.fixture(autouse=True)
-def elsewhere(tmp_path, monkeypatch):
+def run_in_tmp_path(tmp_path, monkeypatch):
     """Runs create their folders in a directory that belongs to the test."""
     monkeypatch.chdir(tmp_path)
     return tmp_path

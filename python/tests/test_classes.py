@@ -51,13 +51,13 @@ def test_function_that_a_call_does_not_run_is_refused(scenario):
 
 
 @pytest.mark.parametrize(
-    "state, said",
+    "state, type_name",
     [
         (5, "an int"), ([1, 2, 3], "a list"), (None, "NoneType"), ("abc", "a str"), (1.5, "a float"), (True, "a bool"),
         (np.array([None]), "a ndarray"), ((b"a",), "a tuple"),
     ],
 )
-def test_state_that_is_not_bytes_is_refused_with_its_type(scenario, state, said):
+def test_state_that_is_not_bytes_is_refused_with_its_type(scenario, state, type_name):
     class Keeps(esc.Participant):
         level = esc.Output(Level)
 
@@ -68,7 +68,7 @@ def test_state_that_is_not_bytes_is_refused_with_its_type(scenario, state, said)
             return state
 
     error = refused(scenario, Keeps, checkpoint_at="500 ms")
-    assert "tank" in str(error) and f"`save` of `Keeps` returned {said}, not the state as bytes" in str(error.__cause__)
+    assert "tank" in str(error) and f"`save` of `Keeps` returned {type_name}, not the state as bytes" in str(error.__cause__)
 
 
 @pytest.mark.parametrize("state", [b"12345678", bytearray(b"12345678"), memoryview(b"12345678"), np.frombuffer(b"12345678", "<f8")])

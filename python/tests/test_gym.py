@@ -23,24 +23,24 @@ def reward(observation, action, t):
     return -abs(observation[2] - observation[0])
 
 
-def env(**how):
-    return Env(PID, "controller", reward=reward, participants=LOOP, ranges=RANGES, **how)
+def env(**options):
+    return Env(PID, "controller", reward=reward, participants=LOOP, ranges=RANGES, **options)
 
 
 def test_checker_of_gymnasium_passes():
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught_warnings:
         warnings.simplefilter("always")
         check_env(env(), skip_render_check=True)
     # The positions have no bounds, and nothing registers it.
-    odd = [str(one.message) for one in told if not any(word in str(one.message) for word in ("infinity", "inf", "spec"))]
-    assert not odd, odd
+    unexpected = [str(one.message) for one in caught_warnings if not any(word in str(one.message) for word in ("infinity", "inf", "spec"))]
+    assert not unexpected, unexpected
 
 
 def act(observation):
     return np.clip([400.0 * (observation[2] - observation[0]) - 40.0 * observation[1]], -20.0, 20.0)
 
 
-def test_episode_is_the_run_of_the_same_policy():
+def test_episode_equals_the_run_of_the_same_policy():
     one = env()
     seen, info = one.reset()
     episode = [seen]
@@ -56,7 +56,7 @@ def test_episode_is_the_run_of_the_same_policy():
     assert info["t"] == 4.0 and value == reward(seen, None, 4.0)
 
 
-def test_reset_goes_back_to_the_beginning():
+def test_reset_returns_to_the_start():
     one = env()
     first, _ = one.reset(seed=3)
 
@@ -85,7 +85,7 @@ def test_bounds_are_those_of_guards():
     assert not one.step([1.0])[2]
 
 
-def test_environments_side_by_side():
+def test_environments_in_parallel_are_independent():
     many = gymnasium.vector.SyncVectorEnv([env, env, env])
     seen, _ = many.reset()
     for _ in range(30):
@@ -94,7 +94,7 @@ def test_environments_side_by_side():
     many.close()
 
 
-def test_what_cannot_be_is_refused():
+def test_invalid_environment_is_refused():
     with pytest.raises(esc.EscapementError, match="no participant `pilot`; there is"):
         Env(PID, "pilot", reward=reward, participants=LOOP)
     with pytest.raises(esc.EscapementError, match="has no `push.torque`; it has"):
@@ -103,7 +103,7 @@ def test_what_cannot_be_is_refused():
         env().step([0.0])
 
 
-def played(one, act):
+def play_episode(one, act):
     seen, _ = one.reset()
     over = truncated = False
     while not (over or truncated):
@@ -125,13 +125,13 @@ def test_agent_with_the_law_of_the_controller_gives_its_tape():
 
     whole = esc.run(PID, participants=LOOP, record="digest", in_process=True)
     one = env()
-    assert played(one, pid).digest == whole.digest
+    assert play_episode(one, pid).digest == whole.digest
     # Once more, from the checkpoint at the start.
     integral[0] = 0.0
-    assert played(one, pid).digest == whole.digest
+    assert play_episode(one, pid).digest == whole.digest
 
 
-def test_agent_in_the_place_of_a_continuous_participant():
+def test_agent_replaces_a_continuous_participant():
     springs = {"left": Spring, "right": Spring}
     mass = [0.1, 0.0]
 
@@ -143,10 +143,10 @@ def test_agent_in_the_place_of_a_continuous_participant():
 
     whole = esc.run(SPRING, participants=springs, record="digest", in_process=True)
     one = Env(SPRING, "left", reward=lambda *_: 0.0, participants=springs)
-    assert played(one, spring).digest == whole.digest
+    assert play_episode(one, spring).digest == whole.digest
     mass[:] = [0.1, 0.0]
-    same = esc.run(SPRING, participants={**springs, "left": Policy.of(one, spring)}, record="digest", in_process=True)
-    assert same.digest == whole.digest
+    with_policy = esc.run(SPRING, participants={**springs, "left": Policy.of(one, spring)}, record="digest", in_process=True)
+    assert with_policy.digest == whole.digest
 
 
 def test_rewards_of_figures_add_up_to_those_of_the_run():
@@ -174,7 +174,7 @@ def test_rewards_of_figures_add_up_to_those_of_the_run():
         Env(SPRING, "left", reward=weights, reward_at="last", participants=springs)
 
 
-def test_close_capture_with_an_agent_that_rests():
+def test_close_capture_runs_with_a_passive_agent():
     one = Env(ROOT / "scenarios" / "close.toml", "controller", reward=lambda *_: 0.0, set={"duration": "0.2 s"})
     for _ in range(2):
         seen, info = one.reset()

@@ -16,7 +16,7 @@ class Pose(esc.Message):
     small = esc.Field("1", element="f32", shape=2)
 
 
-def test_message_describes_itself_as_the_wire_wants_it():
+def test_message_has_the_descriptor_of_the_wire():
     assert Pose.dtype.itemsize == 24 + 72 + 8 + 8
     assert [part["offset"] for part in Pose.descriptor["fields"]] == [0, 24, 96, 104]
     assert Pose.descriptor["fields"][0] == {
@@ -25,7 +25,7 @@ def test_message_describes_itself_as_the_wire_wants_it():
     assert esc.Message.of(Pose.descriptor).descriptor == Pose.descriptor
 
 
-def test_values_are_written_into_memory_that_stays():
+def test_values_are_written_in_place():
     pose = Pose(p_NB_N=[1, 2, 3], count=7)
     view = pose.p_NB_N
     pose.p_NB_N = (4.0, 5.0, 6.0)
@@ -40,7 +40,7 @@ def test_values_are_written_into_memory_that_stays():
     assert again == pose and again is not pose
 
 
-class Said(esc.Message):
+class Texts(esc.Message):
     count = esc.Field(element="u32")
     frame = esc.Field(element="bytes[6]")
     phase = esc.Field(element="text[8]")
@@ -49,15 +49,15 @@ class Said(esc.Message):
 
 
 def test_texts_and_bytes_are_fields():
-    assert Said.dtype.itemsize == 32
-    assert [part["element"] for part in Said.descriptor["fields"]] == ["u32", {"bytes": 6}, {"text": 8}, {"text": 4}, "u8"]
-    said = Said(phase="Höhe", frame=b"\1\0\xff", names=["a", "bcd"])
-    assert (said.phase, said.frame, said.names, said["phase"]) == ("Höhe", b"\1\0\xff", ("a", "bcd"), "Höhe")
-    assert bytes(said)[4:8] == b"\3\0\0\0" and bytes(said)[14:22] == "Höhe".encode().ljust(8, b"\0")
-    said.phase = ""
-    assert bytes(said)[14:22] == bytes(8)
-    assert esc.Message.of(Said.descriptor).descriptor == Said.descriptor
-    assert pickle.loads(pickle.dumps(said)) == said
+    assert Texts.dtype.itemsize == 32
+    assert [part["element"] for part in Texts.descriptor["fields"]] == ["u32", {"bytes": 6}, {"text": 8}, {"text": 4}, "u8"]
+    message = Texts(phase="Höhe", frame=b"\1\0\xff", names=["a", "bcd"])
+    assert (message.phase, message.frame, message.names, message["phase"]) == ("Höhe", b"\1\0\xff", ("a", "bcd"), "Höhe")
+    assert bytes(message)[4:8] == b"\3\0\0\0" and bytes(message)[14:22] == "Höhe".encode().ljust(8, b"\0")
+    message.phase = ""
+    assert bytes(message)[14:22] == bytes(8)
+    assert esc.Message.of(Texts.descriptor).descriptor == Texts.descriptor
+    assert pickle.loads(pickle.dumps(message)) == message
     for key, value, words in [
         ("phase", "too long for it", "15 bytes, and there is room for 8"),
         ("phase", "a\0b", "zero"),
@@ -68,7 +68,7 @@ def test_texts_and_bytes_are_fields():
         ("names", ["a", "bcdef"], "5 bytes"),
     ]:
         with pytest.raises(esc.MessageError, match=words):
-            setattr(said, key, value)
+            setattr(message, key, value)
     with pytest.raises(esc.MessageError, match="no unit"):
         esc.Field("m", element="text[3]")
     with pytest.raises(esc.MessageError, match="no element type"):
@@ -115,7 +115,7 @@ def test_named_values_truth_values_and_small_numbers_are_fields():
 
 
 @pytest.mark.parametrize(
-    "what, said",
+    "what, message",
     [
         (lambda pose: setattr(pose, "p_NB_N", [1, 2]), r"`p_NB_N` of `Pose` has the shape \(3,\), and a value of the shape \(2,\)"),
         (lambda pose: setattr(pose, "p_NB_N", "here"), "`p_NB_N` of `Pose` cannot be"),
@@ -126,12 +126,12 @@ def test_named_values_truth_values_and_small_numbers_are_fields():
         (lambda pose: Pose(speed=1), "has no field `speed`; it has `p_NB_N`"),
     ],
 )
-def test_wrong_values_are_refused_with_field_and_value(what, said):
-    with pytest.raises(esc.MessageError, match=said):
+def test_wrong_values_are_refused_with_field_and_value(what, message):
+    with pytest.raises(esc.MessageError, match=message):
         what(Pose())
 
 
-def test_misspelt_field_is_refused_with_the_fields_there_are():
+def test_misspelt_field_is_refused_with_existing_fields():
     fields = "`p_NB_N`, `R_NB`, `count`, `small`"
     for wrong in ("cuont", "_count", "array", "fields"):
         with pytest.raises(AttributeError, match=f"`Pose` has no field `{wrong}`; it has {fields}"):
@@ -163,7 +163,7 @@ class Whole(esc.Message):
 
 
 @pytest.mark.parametrize(
-    "field, value, said",
+    "field, value, message",
     [
         ("u8", [[0, 300], [1, 2]], "it takes whole numbers from 0 to 255, and its element 0, 1 is 300"),
         ("u8", [[0, 1], [-1, 2]], "its element 1, 0 is -1"),
@@ -189,11 +189,11 @@ class Whole(esc.Message):
         ("modes", ["Idle", "Rinse", "Dry", "Dry"], "it is one of Idle, Spray, Dry"),
     ],
 )
-def test_elements_that_numpy_would_change_are_refused(field, value, said):
+def test_elements_that_numpy_would_change_are_refused(field, value, message):
     whole = Whole()
     with pytest.raises(esc.MessageError, match=f"`{field}` of `Whole` cannot be .*") as caught:
         setattr(whole, field, value)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert not any(bytes(whole))
 
 
@@ -218,7 +218,7 @@ def test_elements_that_can_be_represented_are_accepted():
         assert getattr(whole, field).tolist() == kept
 
 
-def test_layouts_that_cannot_be_are_refused():
+def test_invalid_layouts_are_refused():
     with pytest.raises(esc.MessageError, match="put larger elements first"):
         type("Bad", (esc.Message,), {"a": esc.Field(element="u8"), "b": esc.Field()})
     with pytest.raises(esc.MessageError, match="padding"):

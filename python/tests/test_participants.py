@@ -42,7 +42,7 @@ class Pump(esc.Participant):
         self.flow.rate = t
 
 
-def test_class_runs_and_its_tape_is_read(scenario):
+def test_class_runs_and_has_a_tape(scenario):
     class Tank(esc.Participant):
         kind = "continuous"
         flow = esc.Input(Flow)
@@ -156,7 +156,7 @@ def test_misspelt_field_fails_with_name_instant_and_line(scenario):
     assert "test_participants.py:" in str(error) and isinstance(error.__cause__, AttributeError)
 
 
-def test_exception_is_told_with_its_message_and_its_notes(scenario):
+def test_exception_is_reported_with_its_message_and_notes(scenario):
     class Tank(esc.Participant):
         level = esc.Output(Level)
 
@@ -213,7 +213,7 @@ def test_input_is_read_only_and_a_port_stays(scenario):
     assert "`level` is an output of `Replaces`: write to its fields" in str(refused(scenario, Replaces))
 
 
-def test_other_message_than_the_peer_is_refused_with_the_difference(scenario):
+def test_message_unlike_the_peers_is_refused_with_the_difference(scenario):
     class Other(esc.Message):
         rate = esc.Field("1/min")
 
@@ -252,15 +252,15 @@ def test_parameters_have_their_units(scenario):
 
 
 @pytest.mark.parametrize(
-    "key, value, said",
+    "key, value, message",
     [
         ("mass", "3 m", "participants.tank.parameters.mass"),
         ("mas", 3, "knows no such parameter; there is `at`"),
         ("at", "[1, 2] m", "3 numbers in brackets"),
     ],
 )
-def test_parameters_are_refused_with_their_key(scenario, key, value, said):
-    with pytest.raises(esc.ScenarioError, match=said) as caught:
+def test_parameters_are_refused_with_their_key(scenario, key, value, message):
+    with pytest.raises(esc.ScenarioError, match=message) as caught:
         esc.run(scenario(PARAMETERS), participants={"tank": Weighs}, set={f"participants.tank.parameters.{key}": value})
     assert caught.value.key == f"participants.tank.parameters.{key}"
 
@@ -284,14 +284,14 @@ def test_interpreter_that_is_missing_is_named(scenario):
 
 def test_file_or_class_that_is_missing_is_named(scenario, tmp_path):
     (tmp_path / "empty.py").write_text("import escapement as esc\nclass Real(esc.Participant):\n    def step(self, t, dt): pass\n")
-    for name, said in [("gone.py:Tank", "there is no file"), ("empty.py:Tank", "no class `Tank`; its participants are `Real`"), ("empty", "names no class")]:
+    for name, message in [("gone.py:Tank", "there is no file"), ("empty.py:Tank", "no class `Tank`; its participants are `Real`"), ("empty", "names no class")]:
         for here in (True, False):
-            with pytest.raises(esc.EscapementError, match=said) as caught:
+            with pytest.raises(esc.EscapementError, match=message) as caught:
                 esc.run(scenario(ALONE), participants={"tank": name}, in_process=here, out=tmp_path / "out", force=True)
             assert "tank" in str(caught.value)
 
 
-def test_interpreter_without_the_package_is_explained(scenario, tmp_path):
+def test_interpreter_without_the_package_is_named(scenario, tmp_path):
     text = ALONE.replace('{ exe = "/bin/true" }', f'{{ exe = "{sys.executable}", args = ["-S", "-m", "escapement.host", "x.py:X"] }}')
     with pytest.raises(esc.EscapementError, match="No module named") as caught:
         esc.run(scenario(text))
@@ -312,7 +312,7 @@ def test_state_that_cannot_be_saved_is_named(scenario):
     assert "tank" in str(error) and "its `save` failed" in str(error) and "its attribute `handle` cannot be pickled" in str(error)
 
 
-def test_draws_depend_on_seed_and_name_alone(scenario):
+def test_random_samples_depend_on_seed_and_name_alone(scenario):
     class Draws(esc.Participant):
         level = esc.Output(Level)
 
@@ -327,7 +327,7 @@ def test_draws_depend_on_seed_and_name_alone(scenario):
     assert 0.0 <= one["tank.level"].height.min() and one["tank.level"].height.max() < 1.0
 
 
-def test_arrays_are_made_once(scenario):
+def test_arrays_are_allocated_once(scenario):
     made = []
 
     class Steady(esc.Participant):
@@ -406,7 +406,7 @@ BEGINS = "first at t = 0 s: begins\nfirst at t = 0.02 s: is at page 3\n"
 
 
 @pytest.mark.parametrize("here", [True, False])
-def test_log_and_end_are_as_in_other_languages(scenario, tmp_path, here):
+def test_log_and_termination_equal_those_of_other_languages(scenario, tmp_path, here):
     (tmp_path / "diary.py").write_text(DIARY)
     path = scenario(DIARIES.replace("python3", sys.executable))
     run = esc.run(path, in_process=here, out=tmp_path / "run")
@@ -425,11 +425,11 @@ def test_log_and_end_are_as_in_other_languages(scenario, tmp_path, here):
     assert first.count("ends, ") == first.count("begins") <= 1 and (not here or "ends, stopped" in first)
 
 
-def test_log_without_a_folder(scenario, tmp_path):
+def test_outcome_without_a_folder_contains_the_log(scenario, tmp_path):
     (tmp_path / "diary.py").write_text(DIARY)
     path = scenario(DIARIES)
-    told = esc.run(path, in_process=True, record="digest")
-    assert told.log("first") == BEGINS + "first at t = 0.05 s: ends, finished, at page 5\n"
+    outcome = esc.run(path, in_process=True, record="digest")
+    assert outcome.log("first") == BEGINS + "first at t = 0.05 s: ends, finished, at page 5\n"
     with esc.Run(path, in_process=True) as run:
         run.run_to("30 ms")
         assert run.log("first") == BEGINS

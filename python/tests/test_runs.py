@@ -24,15 +24,15 @@ def library(built, which):
 
 def in_rust(built):
     """The position loop with all participants in Rust, as changes of the scenario."""
-    seats = {"plant": "plant", "controller": "pid", "reference": "reference"}
-    return {f"participants.{seat}.run": library(built, which) for seat, which in seats.items()}
+    slots = {"plant": "plant", "controller": "pid", "reference": "reference"}
+    return {f"participants.{slot}.run": library(built, which) for slot, which in slots.items()}
 
 
 def bytes_of(run):
     return {name: run[name].array.tobytes() for name in run}
 
 
-def same(one, other):
+def assert_same_tape(one, other):
     assert one.digest == other.digest
     assert bytes_of(one) == bytes_of(other)
 
@@ -44,49 +44,49 @@ def rust(built):
 
 def test_springs_in_rust_and_python_give_one_tape(built):
     rust = esc.run(SPRING, out="rust")
-    same(rust, esc.run(SPRING, participants=BOTH, out="within"))
-    same(rust, esc.run(SPRING, participants=BOTH, in_process=False, out="apart"))
+    assert_same_tape(rust, esc.run(SPRING, participants=BOTH, out="within"))
+    assert_same_tape(rust, esc.run(SPRING, participants=BOTH, in_process=False, out="apart"))
     # One of each, with draws and gaps.
     late = {"connections.to-right.jitter": "7ms", "connections.to-left.drop": 0.2, "connections.to-left.hold": "initial"}
     mixed = esc.run(SPRING, set=late, participants={"right": spring.Spring}, in_process=False, out="mixed")
-    same(esc.run(SPRING, set=late, out="late"), mixed)
+    assert_same_tape(esc.run(SPRING, set=late, out="late"), mixed)
     # Exactly the README's command, with the host that a scenario names.
     run = {"exe": sys.executable, "args": ["-m", "escapement.host", f"{EXAMPLES}/spring.py:Spring"]}
-    same(rust, esc.run(SPRING, set={"participants.left.run": run}, in_process=False, out="named"))
-    same(rust, esc.run(SPRING, set={"participants.left.run": run, "participants.right.run": run}, out="named-within"))
+    assert_same_tape(rust, esc.run(SPRING, set={"participants.left.run": run}, in_process=False, out="named"))
+    assert_same_tape(rust, esc.run(SPRING, set={"participants.left.run": run, "participants.right.run": run}, out="named-within"))
 
 
 def test_position_loops_in_rust_and_python_give_one_tape(rust):
-    same(rust, esc.run(PID, participants=LOOP, out="within"))
-    same(rust, esc.run(PID, participants=LOOP, in_process=False, out="apart"))
+    assert_same_tape(rust, esc.run(PID, participants=LOOP, out="within"))
+    assert_same_tape(rust, esc.run(PID, participants=LOOP, in_process=False, out="apart"))
 
 
-def test_one_resumes_what_the_other_began(rust):
+def test_run_is_resumed_in_process_and_in_processes(rust):
     for here in (True, False):
         begun = esc.run(PID, participants=LOOP, in_process=here, checkpoint_at="1.234 s", out=f"begun-{here}")
-        same(rust, begun)
+        assert_same_tape(rust, begun)
         for there in (True, False):
-            same(rust, esc.resume(begun, in_process=there, out=f"resumed-{here}-{there}"))
+            assert_same_tape(rust, esc.resume(begun, in_process=there, out=f"resumed-{here}-{there}"))
 
 
-def test_the_program_takes_up_what_python_began(rust):
+def test_program_resumes_a_run_of_python(rust):
     """A run in one Python process gives an ordinary run folder: the program can replay, resume and shadow it."""
     begun = esc.run(PID, participants=LOOP, checkpoint_at="1.234 s", out="begun")
-    same(rust, begun)
+    assert_same_tape(rust, begun)
     program = _program.find()
 
-    def says(*words):
+    def run_program(*words):
         done = subprocess.run([program, *words], capture_output=True, text=True, timeout=120)
         assert done.returncode == 0, (words, done)
         return done.stdout
 
-    assert "identical" in says("replay", begun.folder, "--participant", "controller")
-    says("resume", begun.folder, "--quiet", "--out", "resumed")
-    same(rust, esc.open("resumed"))
-    assert "identical" in says("compare", begun.folder, "resumed")
+    assert "identical" in run_program("replay", begun.folder, "--participant", "controller")
+    run_program("resume", begun.folder, "--quiet", "--out", "resumed")
+    assert_same_tape(rust, esc.open("resumed"))
+    assert "identical" in run_program("compare", begun.folder, "resumed")
 
 
-def test_state_has_objects_of_its_own_file(rust, tmp_path):
+def test_state_contains_objects_of_the_participants_file(rust, tmp_path):
     """A run is resumed where the file was imported under another name: as a script, as a module, and by the host."""
     (tmp_path / "own.py").write_text(textwrap.dedent(f"""
         import sys
@@ -120,12 +120,12 @@ def test_state_has_objects_of_its_own_file(rust, tmp_path):
             )
             for there, other in ((True, own.Pid), (False, own.Pid)):
                 resumed = esc.resume(begun, participants={"controller": other}, in_process=there, out=f"resumed-{here}-{there}")
-                same(rust, resumed)
+                assert_same_tape(rust, resumed)
     finally:
         sys.path.remove(str(tmp_path))
 
 
-def test_it_is_restarted_after_a_kill(rust, tmp_path, built):
+def test_killed_participant_is_restarted(rust, tmp_path, built):
     """A controller killed once during the run is restarted from the last checkpoint: the tape is that of the undisturbed run."""
     (tmp_path / "dies.py").write_text(textwrap.dedent(f"""
         import os, sys
@@ -143,7 +143,7 @@ def test_it_is_restarted_after_a_kill(rust, tmp_path, built):
     change = {"participants.controller.on-failure": "restart-from-checkpoint"}
     run = esc.run(PID, participants=participants, set=change, in_process=False, checkpoint_every="1 s", out="restarted")
     assert (tmp_path / "died").exists() and run.summary["recovered"]
-    same(rust, run)
+    assert_same_tape(rust, run)
 
 
 def test_substitution_in_mid_run_from_rust_to_python(rust, built):
@@ -153,17 +153,17 @@ def test_substitution_in_mid_run_from_rust_to_python(rust, built):
     python = host.format(sys.executable, EXAMPLES, "pid.py:Reference")
     fault = takes.format("reference", python, "")
     for here in (True, False):
-        same(rust, esc.run(PID, set=in_rust(built), faults=[fault], in_process=here, out=f"fresh-{here}"))
+        assert_same_tape(rust, esc.run(PID, set=in_rust(built), faults=[fault], in_process=here, out=f"fresh-{here}"))
     python = host.format(sys.executable, EXAMPLES, "pid.py:Pid")
     fault = takes.format("controller", python, ',state="keep"')
     for here in (True, False):
-        same(rust, esc.run(PID, participants=LOOP, faults=[fault], in_process=here, out=f"kept-{here}"))
+        assert_same_tape(rust, esc.run(PID, participants=LOOP, faults=[fault], in_process=here, out=f"kept-{here}"))
     # A participant in Python cannot restore the state of one in Rust unless its `restore` accepts it.
     with pytest.raises(esc.EscapementError, match="none of a participant in Python"):
         esc.run(PID, set=in_rust(built), faults=[fault], in_process=True, out="refused")
 
 
-def test_state_goes_from_rust_to_python_where_restore_takes_it(rust, built, tmp_path):
+def test_state_passes_from_rust_to_python_with_restore(rust, built, tmp_path):
     (tmp_path / "takes.py").write_text(textwrap.dedent(f"""
         import struct, sys
         sys.path.insert(0, {str(EXAMPLES)!r})
@@ -178,7 +178,7 @@ def test_state_goes_from_rust_to_python_where_restore_takes_it(rust, built, tmp_
     """))
     fault = f'at="1.5 s",substitute="controller",run={{ exe = "{sys.executable}", args = ["-m", "escapement.host", "{tmp_path}/takes.py:Pid"] }},state="keep"'
     for here in (True, False):
-        same(rust, esc.run(PID, set=in_rust(built), faults=[fault], in_process=here, out=f"kept-{here}"))
+        assert_same_tape(rust, esc.run(PID, set=in_rust(built), faults=[fault], in_process=here, out=f"kept-{here}"))
 
 
 @pytest.mark.parametrize(
@@ -190,28 +190,28 @@ def test_state_goes_from_rust_to_python_where_restore_takes_it(rust, built, tmp_
         "at=1s,until=2s,connection=measured,drop=0.5",
     ],
 )
-def test_declared_faults_are_those_of_the_host(built, fault):
+def test_declared_faults_act_as_in_rust(built, fault):
     rust = esc.run(PID, set=in_rust(built), faults=fault, in_process=True, out="rust")
-    same(rust, esc.run(PID, participants=LOOP, faults=fault, out="within"))
-    same(rust, esc.run(PID, participants=LOOP, faults=fault, in_process=False, out="apart"))
+    assert_same_tape(rust, esc.run(PID, participants=LOOP, faults=fault, out="within"))
+    assert_same_tape(rust, esc.run(PID, participants=LOOP, faults=fault, in_process=False, out="apart"))
 
 
-def test_a_fault_is_a_dict_or_a_text(built):
+def test_fault_is_given_as_dict_or_text(built):
     """Numbers, lists, tables and texts that look like numbers keep their types."""
     text = "at=1s,until=2s,connection=measured,drop=0.5,extra-delay='3 ms'"
     table = {"at": "1 s", "until": "2 s", "connection": "measured", "drop": 0.5, "extra-delay": "3 ms"}
-    said = esc.run(PID, set=in_rust(built), faults=[text], out="text")
-    same(said, esc.run(PID, set=in_rust(built), faults=table, out="table"))
-    same(said, esc.run(esc.Scenario(PID, set=in_rust(built)), faults=(one for one in [table]), out="later"))
+    from_text = esc.run(PID, set=in_rust(built), faults=[text], out="text")
+    assert_same_tape(from_text, esc.run(PID, set=in_rust(built), faults=table, out="table"))
+    assert_same_tape(from_text, esc.run(esc.Scenario(PID, set=in_rust(built)), faults=(one for one in [table]), out="later"))
     twice = esc.sweep(PID, seeds=2, set=in_rust(built), faults=[text], out="texts"), esc.sweep(PID, seeds=2, set=in_rust(built), faults=table, out="tables")
     assert twice[0].equals(twice[1]) and len(twice[0]) == 2
 
 
-def test_a_class_takes_over_in_mid_run(rust):
+def test_class_is_substituted_in_mid_run(rust):
     """In this process and in separate processes, where the participant that is replaced is a class as well."""
     takes = {"at": "1.5 s", "substitute": "controller", "run": loop.Pid, "state": "keep"}
     for here in (True, False):
-        same(rust, esc.run(PID, participants=LOOP, faults=takes, in_process=here, out=f"taken-{here}"))
+        assert_same_tape(rust, esc.run(PID, participants=LOOP, faults=takes, in_process=here, out=f"taken-{here}"))
 
 
 @pytest.mark.parametrize(
@@ -219,23 +219,23 @@ def test_a_class_takes_over_in_mid_run(rust):
     [
         ({"at": "1 s", "untill": "2 s", "output": "controller.push", "kind": "stuck"}, "untill"),
         ({"at": "soon", "output": "controller.push", "kind": "stuck"}, "soon"),
-        ({"at": "1 s", "output": "nobody.push", "kind": "stuck"}, "nobody"),
+        ({"at": "1 s", "output": "absent.push", "kind": "stuck"}, "absent"),
         ("at=1s,output", "KEY=VALUE"),
     ],
 )
-def test_a_fault_that_cannot_be_is_refused(fault, words):
+def test_invalid_fault_is_refused(fault, words):
     with pytest.raises(esc.ScenarioError, match=words) as refused:
         esc.Scenario(PID, participants=LOOP, faults=fault)
     assert str(refused.value.file).endswith("pid.toml") and refused.value.key.startswith("faults")
 
 
-def test_a_fault_is_nothing_else():
+def test_fault_of_another_type_is_refused():
     for wrong in (3, None, {"at": "1 s", "substitute": "controller", "run": int}):
         with pytest.raises(esc.EscapementError, match="fault"):
             esc.Scenario(PID, participants=LOOP, faults=[wrong])
 
 
-def test_failure_in_a_process_of_its_own_is_named_and_logged(tmp_path):
+def test_failure_in_a_separate_process_is_named_and_logged(tmp_path):
     (tmp_path / "fails.py").write_text(textwrap.dedent(f"""
         import sys
         sys.path.insert(0, {str(EXAMPLES)!r})
@@ -263,7 +263,7 @@ def test_figures_and_criteria():
     assert digest.digest == run.digest and digest.figures == run.figures
 
 
-def test_scenario_as_an_object(tmp_path):
+def test_scenario_is_read_and_changed_as_object(tmp_path):
     scenario = esc.Scenario(SPRING, participants=BOTH)
     assert (scenario.name, scenario.duration, scenario.participants) == ("spring", 10.0, ["left", "right"])
     scenario.set("duration", "2 s").set("participants.left.parameters.position", 0.2)
@@ -282,14 +282,14 @@ def test_scenario_as_an_object(tmp_path):
     assert (caught.value.file, caught.value.line, caught.value.key) == (str(bad), 5, "participants.a.periode")
 
 
-def test_what_cannot_be_meant_is_a_warning():
+def test_fault_without_effect_is_a_warning():
     late = "at=20s,until=30s,connection=to-left,drop=0.5"
-    with pytest.warns(esc.ScenarioWarning, match="it does not happen in this run") as told:
+    with pytest.warns(esc.ScenarioWarning, match="it does not happen in this run") as warnings:
         esc.run(SPRING, participants=BOTH, faults=late, record="digest")
-    assert told[0].filename == __file__
+    assert warnings[0].filename == __file__
 
 
-def test_run_from_rest_to_rest():
+def test_run_pauses_steps_saves_and_restores():
     whole = esc.run(SPRING, participants=BOTH)
     with esc.Run(SPRING, participants=BOTH) as run:
         run.run_to("2 s")
@@ -357,13 +357,13 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize("here", [True, False])
-def test_ctrl_c_ends_a_run_in_order(here, tmp_path):
+def test_ctrl_c_ends_a_run_in_an_orderly_way(here, tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(examples=str(EXAMPLES), scenario=str(SPRING), here=here))
     # Tests started in the background may ignore this signal, and a process inherits that.
-    heard = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
+    restore_handler = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    process = subprocess.Popen([sys.executable, script], **pipes, text=True, cwd=tmp_path, preexec_fn=heard)
+    process = subprocess.Popen([sys.executable, script], **pipes, text=True, cwd=tmp_path, preexec_fn=restore_handler)
     assert process.stdout.readline() == "begun\n"
     # Until there are samples.
     tape = tmp_path / "long" / "tape" / "left.motion.bin"
@@ -401,12 +401,12 @@ except KeyboardInterrupt as interrupt:
 
 
 @pytest.mark.parametrize("staged", [False, True])
-def test_second_ctrl_c_ends_a_step_that_does_not_come_back(tmp_path, staged):
+def test_second_ctrl_c_ends_a_step_that_hangs(tmp_path, staged):
     script = tmp_path / "script.py"
     script.write_text(HANGS.format(examples=str(EXAMPLES), scenario=str(SPRING), staged=staged))
-    heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)
+    restore_handler = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    process = subprocess.Popen([sys.executable, script], **pipes, text=True, cwd=tmp_path, preexec_fn=heard)
+    process = subprocess.Popen([sys.executable, script], **pipes, text=True, cwd=tmp_path, preexec_fn=restore_handler)
     try:
         assert process.stdout.readline() == "hangs\n"
         process.send_signal(signal.SIGINT)
@@ -420,7 +420,7 @@ def test_second_ctrl_c_ends_a_step_that_does_not_come_back(tmp_path, staged):
     assert out.startswith("interrupted: ") and "participant `left`: failed at t = 0 s" in out and "KeyboardInterrupt" in out
 
 
-def test_file_that_starts_a_run_when_it_is_imported_is_told_so(tmp_path):
+def test_file_that_starts_a_run_at_import_is_reported(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
         f"import sys\nsys.path.insert(0, {str(EXAMPLES)!r})\nimport escapement as esc\nfrom spring import *\n"
@@ -430,7 +430,7 @@ def test_file_that_starts_a_run_when_it_is_imported_is_told_so(tmp_path):
     assert done.returncode == 1 and '__name__ == "__main__"' in done.stderr and "participant `left`" in done.stderr
 
 
-def test_class_without_a_file_runs_here_alone():
+def test_class_without_a_file_runs_in_process_only():
     space = {}
     exec("import spring\nclass Loose(spring.Spring):\n    pass\n", space)
     space["Loose"].__module__ = "nowhere"
@@ -440,13 +440,13 @@ def test_class_without_a_file_runs_here_alone():
         esc.run(SPRING, participants={"left": space["Loose"]}, in_process=False)
 
 
-def test_progress_is_told():
-    told = []
-    esc.run(SPRING, participants=BOTH, progress=lambda what, value: told.append(what))
-    assert told[0] == "begun" and told[-1] == "over" and "time" in told
+def test_progress_is_reported():
+    events = []
+    esc.run(SPRING, participants=BOTH, progress=lambda what, value: events.append(what))
+    assert events[0] == "begun" and events[-1] == "over" and "time" in events
 
 
-def test_figures_are_those_of_the_scenario_alone():
+def test_figures_contain_only_those_of_the_scenario():
     short = {"duration": "0.5 s", "measures.apart.from": "0 s"}
     run = esc.run(SPRING, participants=BOTH, set=short)
     paced = esc.run(SPRING, participants=BOTH, set=short, pace=1000.0)

@@ -58,7 +58,7 @@ def test_fields_of_every_type_are_set_without_loss():
 
 
 @pytest.mark.parametrize(
-    "values, error, said",
+    "values, error, message",
     [
         (dict(levels=[[0, 1, 2], [3, 4, 5]]), esc.MessageError, r"`sink.order`: `levels` of `Order` has the shape \(6,\), and a value of the shape \(2, 3\)"),
         (dict(levels=[300] * 6), esc.MessageError, "whole numbers from 0 to 255"),
@@ -70,12 +70,12 @@ def test_fields_of_every_type_are_set_without_loss():
         (dict(message=Other()), esc.MessageError, r"`sink.order` takes Order\(.*Other\(.* has other fields"),
     ],
 )
-def test_values_that_do_not_fit_a_port_are_refused(values, error, said):
-    with sink() as run, pytest.raises(error, match=said):
+def test_values_that_do_not_fit_a_port_are_refused(values, error, message):
+    with sink() as run, pytest.raises(error, match=message):
         run.set("sink.order", **values)
 
 
-def test_port_that_does_not_exist_is_refused_with_those_there_are():
+def test_unknown_port_is_refused_with_existing_ports():
     with sink() as run, pytest.raises(esc.PortError, match="`sink` has no input `odrer`; it has `order`"):
         run.set("sink.odrer", count=1)
 
@@ -104,7 +104,7 @@ def test_checkpoints_are_at_times_of_every_kind():
 
 
 @pytest.mark.parametrize(
-    "options, said",
+    "options, message",
     [
         (dict(checkpoint_every="often"), "checkpoint_every: `often` is not a time: write a number and a unit, .*, or a number of seconds"),
         (dict(checkpoint_at=["1 s", None]), "checkpoint_at=None is no time"),
@@ -116,8 +116,8 @@ def test_checkpoints_are_at_times_of_every_kind():
         (dict(record="tape"), 'record="tape": write "folder"'),
     ],
 )
-def test_option_that_cannot_be_read_is_refused_with_its_name(options, said):
-    with pytest.raises(esc.OptionError, match=said):
+def test_option_that_cannot_be_read_is_refused_with_its_name(options, message):
+    with pytest.raises(esc.OptionError, match=message):
         esc.run(SPRING, participants=SPRINGS, in_process=False, **options)
 
 
@@ -139,7 +139,7 @@ def test_run_that_is_resumed_is_not_replaced(tmp_path):
     assert esc.resume(begun, out="runs/begun2", force=True).digest == begun.digest
 
 
-def test_patience_has_an_effect_in_processes_alone():
+def test_patience_has_an_effect_in_processes_only():
     short = {"duration": "0.1 s", "measures.apart.from": "0 s"}
     with pytest.warns(esc.ScenarioWarning, match="patience=5 has no effect on a run in one process") as caught:
         esc.run(SPRING, participants=SPRINGS, set=short, patience=5, record="digest")

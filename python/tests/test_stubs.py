@@ -34,7 +34,7 @@ def stubs(file):
 
 
 @pytest.mark.parametrize("file", ["__init__.pyi", "gym.pyi"])
-def test_stubs_say_what_there_is(file):
+def test_stubs_agree_with_the_module(file):
     module = escapement
     if file == "gym.pyi":
         module = pytest.importorskip("escapement.gym")

@@ -28,7 +28,7 @@ def mapped(array, path):
     return False
 
 
-def test_fields_are_the_file_without_a_copy(run):
+def test_fields_map_the_file_without_a_copy(run):
     motion = run["left.motion"]
     path = os.path.join(run.folder, "tape", "left.motion.bin")
     assert mapped(motion.position, path) and mapped(motion.t, path)
@@ -40,7 +40,7 @@ def test_fields_are_the_file_without_a_copy(run):
         motion.position[0] = 1.0
 
 
-def test_units_frames_and_names(run):
+def test_fields_have_units_frames_and_names(run):
     motion = run["left.motion"]
     assert (motion.unit("velocity"), motion.frame("velocity")) == ("m/s", "N")
     assert list(run) == ["left.motion", "right.motion"] and "left.motion" in run
@@ -62,7 +62,7 @@ def test_tables_have_units(run):
     assert float(dataset.position.sel(t=0.5)) == run["right.motion"].position[200]
 
 
-def test_package_that_is_missing_is_named_with_its_remedy(run, monkeypatch):
+def test_missing_package_is_named_with_the_remedy(run, monkeypatch):
     for name, call in [
         ("pandas", lambda: run.to_pandas("left.motion")),
         ("xarray", lambda: run.to_xarray()),
@@ -100,7 +100,7 @@ def test_vectors_and_pictures_keep_their_shapes(tmp_path):
     assert dataset["rgb"].shape == (10, 4, 8) and float(dataset["t_2"][5]) == -0.5
 
 
-def test_tape_of_a_run_that_was_killed_is_read(run, tmp_path):
+def test_tape_of_a_killed_run_is_readable(run, tmp_path):
     folder = tmp_path / "killed"
     os.makedirs(folder / "tape")
     for name in ("index.json", "left.motion.bin", "right.motion.bin"):
@@ -113,7 +113,7 @@ def test_tape_of_a_run_that_was_killed_is_read(run, tmp_path):
     assert (killed["left.motion"].position == run["left.motion"].position[:7]).all()
 
 
-def test_what_is_no_run_is_refused(tmp_path):
+def test_folder_without_a_run_is_refused(tmp_path):
     with pytest.raises(esc.TapeError, match="is not the folder of a run"):
         esc.open(tmp_path)
     (tmp_path / "tape").mkdir()
@@ -133,7 +133,7 @@ def test_what_is_no_run_is_refused(tmp_path):
         esc.open(tmp_path)["a.b"]
 
 
-def test_a_thousand_runs_do_not_grow(tmp_path):
+def test_memory_does_not_grow_over_a_thousand_runs(tmp_path):
     """After the first two hundred runs, the memory, mappings and open files of this process do not grow any more."""
 
     class Own(spring.Spring):

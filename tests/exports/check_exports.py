@@ -2,7 +2,7 @@
 
     python3 tests/exports/check_exports.py ORCHESTRATOR RUN…
 
-ORCHESTRATOR is the program, each RUN a run folder. The tape of awkward.py is checked as well. Needs the packages of requirements.txt
+ORCHESTRATOR is the program, each RUN a run folder. The tape of edge_cases.py is checked as well. Needs the packages of requirements.txt
 beside this file.
 """
 
@@ -24,7 +24,7 @@ import scipy.io
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-import awkward
+import edge_cases
 
 NUMPY = {"f64": "<f8", "f32": "<f4", "i64": "<i8", "i32": "<i4", "i16": "<i2", "i8": "i1", "u64": "<u8", "u32": "<u4", "u16": "<u2", "u8": "u1", "bool": "?", "enum": "u1"}
 
@@ -51,7 +51,7 @@ def read_tape(run):
     return streams
 
 
-def same(a, b, what):
+def assert_identical(a, b, what):
     """Bit for bit, with NaN equal to NaN."""
     a, b = np.asarray(a), np.asarray(b)
     assert a.shape == b.shape, f"{what}: {a.shape} against {b.shape}"
@@ -63,8 +63,8 @@ def wide(field):
     return np.prod(field["shape"], dtype=int) > 256
 
 
-def told(field, values):
-    """Values as tables tell them: those of an enumeration by their names."""
+def displayed(field, values):
+    """Values as tables show them: those of an enumeration by their names."""
     if field["element"] != "enum":
         return values
     names = {one["value"]: one["name"] for one in field["values"]}
@@ -81,14 +81,14 @@ def columns(fields, records):
             continue
         for k in range(values.shape[1]):
             place = "".join(f"[{i}]" for i in np.unravel_index(k, field["shape"])) if field["shape"] else ""
-            wanted.append((field["name"] + place, field, told(field, values[:, k])))
+            wanted.append((field["name"] + place, field, displayed(field, values[:, k])))
     # A name or a truth value has no unit.
     heading = lambda name, field: f"{name} [{field['unit']}]" if field["unit"] and field["element"] not in ("bool", "enum") else name
     # The stamp has its name first; a name that occurs again gets a number that makes it a new one.
-    rightful, taken = {heading(name, field) for name, field, _ in wanted}, {"t [s]"}
+    original, taken = {heading(name, field) for name, field, _ in wanted}, {"t [s]"}
     for name, field, values in wanted:
         column, n = heading(name, field), 2
-        while column in taken or (n > 2 and column in rightful):
+        while column in taken or (n > 2 and column in original):
             column, n = heading(f"{name}_{n}", field), n + 1
         taken.add(column)
         yield column, field, values
@@ -107,7 +107,7 @@ def check_csv(out, streams):
             header, *rows = csv.reader(file)
         assert header[0] == "t [s]" and len(set(header)) == len(header), header
         assert all(len(row) == len(header) for row in rows)
-        same([float(row[0]) for row in rows], stamps, f"{name}.t")
+        assert_identical([float(row[0]) for row in rows], stamps, f"{name}.t")
         expected = [one for one in columns(fields, records) if not wide(one[1])]
         assert header[1:] == [column for column, _, _ in expected], header
         # As pandas reads it. Before version 3 its parser rounds correctly only when it is asked to.
@@ -115,9 +115,9 @@ def check_csv(out, streams):
         assert list(frame.columns) == header, f"{name}: pandas has {list(frame.columns)}"
         for k, (column, _, values) in enumerate(expected):
             got = np.array([exact(row[k + 1], values.dtype) for row in rows], dtype=values.dtype)
-            same(got, values, f"{name} {column}")
+            assert_identical(got, values, f"{name} {column}")
             if len(values):
-                same(frame[column].to_numpy().astype(values.dtype), values, f"{name} {column} in pandas")
+                assert_identical(frame[column].to_numpy().astype(values.dtype), values, f"{name} {column} in pandas")
             checked += len(values)
         arrays = {array.name: np.load(array, allow_pickle=False) for array in out.glob(f"{name}.*.npy")}
         files.update(array.lower() for array in arrays)
@@ -133,7 +133,7 @@ def check_csv(out, streams):
     return checked
 
 
-def filled(descriptor):
+def exported_descriptor(descriptor):
     """A descriptor as it is exported: without padding, and fields of a tape that was made before enumerations were have no values."""
     return {**descriptor, "fields": [{"values": [], **field} for field in descriptor["fields"] if not is_padding(field)]}
 
@@ -146,12 +146,12 @@ def check_parquet(out, streams):
         frame = pandas.read_parquet(path)
         assert table.num_rows == len(records) == len(frame)
         assert table.column_names == list(frame.columns) and len(set(table.column_names)) == table.num_columns
-        same(table.column("t [s]").to_numpy(), stamps, f"{name}.t")
+        assert_identical(table.column("t [s]").to_numpy(), stamps, f"{name}.t")
         for column, field, values in columns(fields, records):
             got, kind = table.column(column), table.schema.field(column).type
             if not wide(field):
                 assert kind == pyarrow.from_numpy_dtype(values.dtype), f"{name} {column}: {kind}"
-                same(frame[column].to_numpy(), values, f"{name} {column} in pandas")
+                assert_identical(frame[column].to_numpy(), values, f"{name} {column} in pandas")
                 got = got.to_numpy().astype(values.dtype) if field["element"] == "enum" else got.to_numpy()
             elif field["element"] == "u8":
                 assert kind == pyarrow.binary(values.shape[1]), f"{name} {column}: {kind}"
@@ -160,7 +160,7 @@ def check_parquet(out, streams):
                 assert kind.list_size == values.shape[1] and kind.value_type == pyarrow.from_numpy_dtype(values.dtype), f"{name} {column}: {kind}"
                 got = got.combine_chunks().flatten().to_numpy().reshape(values.shape)
             assert got.dtype == values.dtype, f"{name} {column}: {got.dtype} against {values.dtype}"
-            same(got, values, f"{name} {column}")
+            assert_identical(got, values, f"{name} {column}")
             metadata = table.schema.field(column).metadata
             assert metadata[b"unit"].decode() == field["unit"], f"{name} {column}: {metadata}"
             assert metadata[b"field"].decode() == field["name"]
@@ -168,7 +168,7 @@ def check_parquet(out, streams):
             assert json.loads(metadata.get(b"shape", b"[]")) == (field["shape"] if wide(field) else [])
             checked += values.size
         about = json.loads(pyarrow.parquet.read_metadata(path).metadata[b"escapement.stream"])
-        assert about["period"] == stream["period"] and about["descriptor"] == filled(stream["descriptor"])
+        assert about["period"] == stream["period"] and about["descriptor"] == exported_descriptor(stream["descriptor"])
         if any(map(wide, fields)) and len(records) * stream["record_bytes"] > 1e6:
             assert path.stat().st_size < 1.01 * len(records) * stream["record_bytes"], f"{name}: {path.stat().st_size} bytes"
     return checked
@@ -189,7 +189,7 @@ def check_mat(out, streams):
         for valid in [key, *struct._fieldnames, *names]:
             assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", valid) and valid not in ("end", "for", "if"), valid
         assert struct._fieldnames == ["t", *names, "info", "stream"] and len(set(struct._fieldnames)) == len(struct._fieldnames)
-        same(struct.t, stamps.reshape(-1, 1), f"{name}.t")
+        assert_identical(struct.t, stamps.reshape(-1, 1), f"{name}.t")
         assert len(names) == len(fields)
         for valid, field in zip(names, fields):
             about = getattr(struct.info[0, 0], valid)[0, 0]
@@ -244,7 +244,7 @@ def check_mcap(out, streams):
                 got = getattr(decoded, d.name)
                 value = record[field["name"]].reshape(-1)
                 got = np.array(list(got) if field["shape"] else [got], dtype=value.dtype)
-                same(got, value, f"{name}.{field['name']} sample {k}")
+                assert_identical(got, value, f"{name}.{field['name']} sample {k}")
                 checked += len(value)
     for name, (stream, fields, _, records) in streams.items():
         assert counts[name] == len(records), f"{name}: {counts[name]} of {len(records)}"
@@ -258,8 +258,8 @@ def check_mcap(out, streams):
         stamps = np.round(stamps * 1e9).astype(np.int64)
         for time, p, q in transforms[("N", "B")]:
             k = int(np.searchsorted(stamps, time))
-            same(p, records["p_NB_N"][k], "frame B")
-            same(q, records["quat_NB"][k], "frame B")
+            assert_identical(p, records["p_NB_N"][k], "frame B")
+            assert_identical(q, records["quat_NB"][k], "frame B")
         # Everything hangs together: every parent but the world is somebody's child.
         children = {child for _, child in transforms}
         assert {parent for parent, _ in transforms} - children == {"N"}, sorted(transforms)
@@ -305,7 +305,7 @@ def check_rerun(program, run, out, streams):
                 values = np.frombuffer(b"".join(values.to_pylist()), np.uint8)
             else:
                 values = (values.flatten() if field["shape"] else values).to_numpy(zero_copy_only=False)
-            same(values.astype(records[field["name"]].dtype), records[field["name"]].reshape(-1), f"{name}.{field['name']}")
+            assert_identical(values.astype(records[field["name"]].dtype), records[field["name"]].reshape(-1), f"{name}.{field['name']}")
             checked += records[field["name"]].size
     assert counts == {name: len(records) for name, (*_, records) in streams.items()}, counts
     for name, (_, fields, stamps, records) in streams.items():
@@ -325,19 +325,19 @@ def check_documentation(program, run, made):
     has = {}
     exec(numbers.replace("RUN", str(run)), has)
     _, _, stamps, records = read_tape(run)["plant.truth"]
-    same(has["t"], stamps, "the stamps of the page's snippet")
-    same(has["truth"]["p_NE_N"], records["p_NE_N"], "the fields of the page's snippet")
+    assert_identical(has["t"], stamps, "the stamps of the page's snippet")
+    assert_identical(has["truth"]["p_NE_N"], records["p_NE_N"], "the fields of the page's snippet")
     subprocess.run([program, "export", str(run), "--to", "mat"], check=True, stdout=subprocess.DEVNULL)
     exec(matrices.replace("RUN", str(run)), has)
-    same(has["place"], records["p_NE_N"], "the fields of the page's snippet")
+    assert_identical(has["place"], records["p_NE_N"], "the fields of the page's snippet")
     assert has["unit"] == "m"
     for kind in ("csv", "parquet"):
         subprocess.run([program, "export", str(made), "--to", kind], check=True, stdout=subprocess.DEVNULL)
     has = {}
     exec(pictures.replace("RUN", str(made)), has)
     expected = read_tape(made)["camera.picture"][3]["rgb"]
-    same(has["pictures"], expected, "the pictures of the page's snippet")
-    same(has["first"], expected[0], "the first picture of the page's snippet")
+    assert_identical(has["pictures"], expected, "the pictures of the page's snippet")
+    assert_identical(has["first"], expected[0], "the first picture of the page's snippet")
     print("the snippets of the pages read what is on the tape")
 
 
@@ -371,7 +371,7 @@ def check_about(program, run, out):
     assert [file.name for file in part.iterdir()] == [f"{name}.parquet"]
     table = pyarrow.parquet.read_table(part / f"{name}.parquet")
     assert len(table) == len(stamps) - 2 and len(table.column_names) == 1 + (1 if wide(fields[-1]) else int(np.prod(fields[-1]["shape"], dtype=int)))
-    same(table[0].to_numpy(), stamps[1:-1], "the stamps that were chosen")
+    assert_identical(table[0].to_numpy(), stamps[1:-1], "the stamps that were chosen")
     print("the files say what they are of, and have what was chosen")
 
 
@@ -390,8 +390,8 @@ def check_run(program, run):
 def main():
     program = sys.argv[1]
     with tempfile.TemporaryDirectory() as folder:
-        made = pathlib.Path(folder) / "awkward"
-        awkward.write(made)
+        made = pathlib.Path(folder) / "edge_cases"
+        edge_cases.write(made)
         for run in [*map(pathlib.Path, sys.argv[2:]), made]:
             check_run(program, run)
         captures = [run for run in map(pathlib.Path, sys.argv[2:]) if (run / "tape/plant.truth.bin").exists()]

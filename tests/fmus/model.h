@@ -1,5 +1,5 @@
-/* What the FMUs of the tests do, whatever the version of the standard: a mass on a spring, or a damper (DAMPER). FAULT makes one go
- * wrong from t = 0.5 s on. */
+/* The model of the test FMUs, for each version of the standard: a mass on a spring, or a damper (DAMPER). FAULT selects the
+ * fault that occurs from t = 0.5 s on. */
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -14,10 +14,10 @@ typedef struct {
     char marker[256];
 } Model;
 
-enum { FINE, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LITTER, FICKLE, CRASH_ONCE, WARN, UNSAVED, PRINT };
+enum { NO_FAULT, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LEAVES_FILE, NONDETERMINISTIC, CRASH_ONCE, WARN, UNSAVED, PRINT };
 
 #ifndef FAULT
-#define FAULT FINE
+#define FAULT NO_FAULT
 #endif
 
 static void start(Model *m) {
@@ -53,8 +53,8 @@ static int step(Model *m, double t, double h) {
     case FATAL: return 4;
     case WARN: return 1;
     case PRINT: printf("{ the spring prints\n"); break;
-    case LITTER: { FILE *f = fopen("litter.txt", "w"); if (f) { fputs("litter", f); fclose(f); } break; }
-    case FICKLE: x[1] += 1e-9 * getpid(); break;
+    case LEAVES_FILE: { FILE *f = fopen("leftover.txt", "w"); if (f) { fputs("leftover", f); fclose(f); } break; }
+    case NONDETERMINISTIC: x[1] += 1e-9 * getpid(); break;
     case CRASH_ONCE:
         if (access(m->marker, F_OK) != 0) { FILE *f = fopen(m->marker, "w"); if (f) fclose(f); abort(); }
         break;

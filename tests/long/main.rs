@@ -3,14 +3,14 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use escapement_tests::long::Kind;
+use escapement_tests::long::RoundKind;
 use escapement_tests::long::work::{Report, Work};
 
 /// Random signals, undisturbed starts and suspensions, as many rounds as asked for
 #[derive(Parser)]
 struct Arguments {
     #[command(subcommand)]
-    kind: What,
+    kind: Command,
 
     /// What the draws of all rounds depend on
     #[arg(long, default_value_t = 1, global = true)]
@@ -38,7 +38,7 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum What {
+enum Command {
     /// Signals at random instants, start and end included, to participants, orchestrator and campaigns; what was saved is resumed
     Killer,
     /// Short runs that nothing disturbs
@@ -51,9 +51,9 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let work = Work {
         kind: match arguments.kind {
-            What::Killer => Kind::Killer,
-            What::Starts => Kind::Starts,
-            What::Suspensions => Kind::Suspensions,
+            Command::Killer => RoundKind::Killer,
+            Command::Starts => RoundKind::Starts,
+            Command::Suspensions => RoundKind::Suspensions,
         },
         seed: arguments.seed,
         first: arguments.first,
@@ -62,18 +62,18 @@ fn main() -> ExitCode {
         beside_load: arguments.beside_load,
     };
     if let Some(share) = arguments.share {
-        work.share(share);
+        work.run_share(share);
         return ExitCode::SUCCESS;
     }
-    let mut told = 0;
+    let mut reported = 0;
     let report = work.run(|report| {
-        for failure in &report.failures[told..] {
+        for failure in &report.failures[reported..] {
             eprintln!("{failure}");
         }
-        told = report.failures.len();
+        reported = report.failures.len();
         eprintln!("{}", line(report));
     });
-    for failure in &report.failures[told..] {
+    for failure in &report.failures[reported..] {
         eprintln!("{failure}");
     }
     println!("{}", line(&report));

@@ -25,10 +25,10 @@ def text(time):
 class Stream:
     """A stream with one field of each kind, as numbers and as bytes."""
 
-    def __init__(self, name, draw, samples):
+    def __init__(self, name, rng, samples):
         self.name = name
-        self.period = Fraction(int(draw.integers(1, 40)), int(draw.choice([300, 1000, 7, 64])))
-        self.offset = Fraction(int(draw.integers(0, 30)), 100)
+        self.period = Fraction(int(rng.integers(1, 40)), int(rng.choice([300, 1000, 7, 64])))
+        self.offset = Fraction(int(rng.integers(0, 30)), 100)
         self.times = [self.offset + k * self.period for k in range(samples)]
         self.fields = [("x", "f64", ()), ("v", "f64", (3,)), ("q", "f64", (4,)), ("i", "i64", ()), ("u", "u64", ()), ("f", "f32", (2,)),
                        ("n", "i32", ()), ("m", "u32", ()), ("flags", "u8", (8,))]
@@ -38,17 +38,17 @@ class Stream:
         for name, element, shape in self.fields:
             values = self.records[name]
             if values.dtype.kind == "f":
-                values[...] = draw.normal(size=values.shape) * 10.0 ** draw.integers(-6, 6) if draw.random() < 0.5 else np.cumsum(draw.normal(size=values.shape), axis=0)
+                values[...] = rng.normal(size=values.shape) * 10.0 ** rng.integers(-6, 6) if rng.random() < 0.5 else np.cumsum(rng.normal(size=values.shape), axis=0)
             else:
                 info = np.iinfo(values.dtype)
-                low, high = (info.min, info.max) if draw.random() < 0.3 else (max(info.min, -5), 5)
-                values[...] = draw.integers(low, high, size=values.shape, dtype=values.dtype, endpoint=True)
+                low, high = (info.min, info.max) if rng.random() < 0.3 else (max(info.min, -5), 5)
+                values[...] = rng.integers(low, high, size=values.shape, dtype=values.dtype, endpoint=True)
 
-    def spoil(self, draw):
+    def insert_non_finite_value(self, rng):
         """What a fault may leave: one value that is no number, or infinite."""
-        field = draw.choice(["x", "v", "q"])
-        at = int(draw.integers(0, len(self.records)))
-        self.records[field].reshape(len(self.records), -1)[at, 0] = draw.choice([np.nan, np.inf, -np.inf])
+        field = rng.choice(["x", "v", "q"])
+        at = int(rng.integers(0, len(self.records)))
+        self.records[field].reshape(len(self.records), -1)[at, 0] = rng.choice([np.nan, np.inf, -np.inf])
 
     def index(self):
         at, fields = 0, []
@@ -134,33 +134,33 @@ COMPUTE = ["min", "max", "max-abs", "range", "mean", "rms", "final", "integral",
 EXACT = {"min", "max", "max-abs", "final", "changes", "percentile", "first-crossing"}
 
 
-def instant(draw, stream):
+def random_time(rng, stream):
     """A time on a sample, between two, before or after all of them."""
-    kind = draw.integers(0, 4)
+    kind = rng.integers(0, 4)
     if kind == 0 and stream.times:
-        return stream.times[int(draw.integers(0, len(stream.times)))]
-    return Fraction(int(draw.integers(0, 4000)), 997) if kind < 3 else Fraction(int(draw.integers(500, 900)))
+        return stream.times[int(rng.integers(0, len(stream.times)))]
+    return Fraction(int(rng.integers(0, 4000)), 997) if kind < 3 else Fraction(int(rng.integers(500, 900)))
 
 
-def draw_measure(draw, streams):
-    of = streams[int(draw.integers(0, len(streams)))]
-    field = str(draw.choice([name for name, *_ in of.fields]))
+def random_measure(rng, streams):
+    of = streams[int(rng.integers(0, len(streams)))]
+    field = str(rng.choice([name for name, *_ in of.fields]))
     through = None
-    if field in ("v", "f") and draw.random() < 0.4:
+    if field in ("v", "f") and rng.random() < 0.4:
         through = "norm"
-    if field == "q" and draw.random() < 0.6:
+    if field == "q" and rng.random() < 0.6:
         through = "angle"
-    compute = str(draw.choice(COMPUTE))
-    other = streams[int(draw.integers(0, len(streams)))]
-    start, end = (instant(draw, of) if draw.random() < 0.5 else None for _ in range(2))
+    compute = str(rng.choice(COMPUTE))
+    other = streams[int(rng.integers(0, len(streams)))]
+    start, end = (random_time(rng, of) if rng.random() < 0.5 else None for _ in range(2))
     if start is not None and end is not None and end < start:
         start, end = end, start
     return {
         "of": of, "field": field, "through": through, "compute": compute,
-        "minus": other if other is not of and draw.random() < 0.5 else None,
+        "minus": other if other is not of and rng.random() < 0.5 else None,
         "from": start, "to": end,
-        "threshold": float(np.round(draw.normal(), 3)), "band": sorted(np.round(draw.normal(size=2) * 3, 3).tolist()),
-        "percent": int(draw.integers(0, 101)),
+        "threshold": float(np.round(rng.normal(), 3)), "band": sorted(np.round(rng.normal(size=2) * 3, 3).tolist()),
+        "percent": int(rng.integers(0, 101)),
     }
 
 
@@ -182,32 +182,32 @@ def toml(name, one):
     return "\n".join(lines) + "\n"
 
 
-def check_tape(orchestrator, folder, draw):
-    streams = [Stream(name, draw, int(draw.choice([0, 1, 2, 40, 300]))) for name in ("a.x", "a.y", "b.x")]
+def check_tape(orchestrator, folder, rng):
+    streams = [Stream(name, rng, int(rng.choice([0, 1, 2, 40, 300]))) for name in ("a.x", "a.y", "b.x")]
     for stream in streams:
-        if len(stream.records) and draw.random() < 0.3:
-            stream.spoil(draw)
+        if len(stream.records) and rng.random() < 0.3:
+            stream.insert_non_finite_value(rng)
     tape = folder / "tape"
     tape.mkdir()
     for stream in streams:
         (tape / f"{stream.name}.bin").write_bytes(stream.records.tobytes())
     index = {"format": "escapement-tape", "version": 1, "streams": [stream.index() for stream in streams]}
     (tape / "index.json").write_text(json.dumps(index))
-    measures = {f"m{number}": draw_measure(draw, streams) for number in range(60)}
+    measures = {f"m{number}": random_measure(rng, streams) for number in range(60)}
     file = folder / "measures.toml"
     file.write_text('duration = "1 s"\n' + "".join(toml(name, one) for name, one in measures.items()))
-    said = subprocess.run([orchestrator, "measure", str(tape), "--measures", str(file), "--json"], capture_output=True, text=True)
-    assert said.returncode == 0, said.stderr
-    found = json.loads(said.stdout)["measures"]
+    output = subprocess.run([orchestrator, "measure", str(tape), "--measures", str(file), "--json"], capture_output=True, text=True)
+    assert output.returncode == 0, output.stderr
+    found = json.loads(output.stdout)["measures"]
     measured = absent = 0
     for name, one in measures.items():
         picked, values = signal(one["of"], one["minus"], one["through"], one["field"], one["from"], one["to"])
         own = found[name]
-        told = own["value"] if isinstance(own["value"], list) else [own["value"]]
+        reported = own["value"] if isinstance(own["value"], list) else [own["value"]]
         times = one["of"].records["t"][picked]
-        columns = values.T if len(values) else [np.zeros(0)] * len(told)
-        assert len(told) == len(columns) or not len(values), f"{toml(name, one)}: {own}"
-        for value, x in zip(told, columns):
+        columns = values.T if len(values) else [np.zeros(0)] * len(reported)
+        assert len(reported) == len(columns) or not len(values), f"{toml(name, one)}: {own}"
+        for value, x in zip(reported, columns):
             expected = figure(one["compute"], x, times, one["of"].period, one)
             if expected is not None and not np.isfinite(expected):
                 expected = None
@@ -226,11 +226,11 @@ def check_tape(orchestrator, folder, draw):
 def main():
     orchestrator = sys.argv[1]
     tapes, seed = (int(word) for word in (sys.argv[2:] + ["40", "7"][len(sys.argv) - 2:])[:2])
-    draw = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     measured = absent = 0
     for _ in range(tapes):
         with tempfile.TemporaryDirectory() as folder:
-            some, none = check_tape(orchestrator, pathlib.Path(folder), draw)
+            some, none = check_tape(orchestrator, pathlib.Path(folder), rng)
         measured, absent = measured + some, absent + none
     assert measured > 1000 and absent > 200, (measured, absent)
     print(f"measures: {measured} figures of {tapes} tapes equal those of numpy; {absent} cannot be measured, and say why")

@@ -19,7 +19,7 @@ import xml.etree.ElementTree as ElementTree
 from fractions import Fraction
 
 import numpy as np
-from check_report import browser, check_quiet
+from check_report import browser, check_no_requests_or_messages
 from expected import NUMPY
 from selenium.webdriver.common.by import By
 
@@ -40,7 +40,7 @@ def streams(run):
     return out
 
 
-def held(lead, other, field):
+def value_by_delivery_rule(lead, other, field):
     """`field` of a stream at the stamps of another, by the delivery rule in exact arithmetic; NaN before its first sample."""
     (o1, p1, f1, records, _), (o2, p2, f2, theirs, _) = lead, other
     index = [((o1 + (f1 + k) * p1 - o2) // p2) - f2 for k in range(len(records))]
@@ -91,8 +91,8 @@ def check_panels(driver, run):
     th, tl = heavy[3]["t"], light[3]["t"]
     both, apart, phases = curves(driver, "both"), curves(driver, "apart"), curves(driver, "phases")
     points = compare("both", both[0], th, 1000 * heavy[3]["position"]) + compare("both", both[1], tl, 1000 * light[3]["position"])
-    points += compare("apart", apart[0], th, heavy[3]["position"] - held(heavy, light, "position"))
-    points += compare("apart", apart[1], tl, np.abs(light[3]["position"] - held(light, heavy, "position")))
+    points += compare("apart", apart[0], th, heavy[3]["position"] - value_by_delivery_rule(heavy, light, "position"))
+    points += compare("apart", apart[1], tl, np.abs(light[3]["position"] - value_by_delivery_rule(light, heavy, "position")))
     t, x, y, _ = phases[0]
     k = np.searchsorted(tl, t - 1e-9)
     assert np.allclose(x, light[3]["position"][k], rtol=1e-12) and np.allclose(y, light[3]["velocity"][k], rtol=1e-12) and len(k) > 1000
@@ -106,7 +106,7 @@ def check_panels(driver, run):
     return points + len(k)
 
 
-def check_use(driver, run, page):
+def check_controls(driver, run, page):
     """Search, cursors, zoom, link, SVG, CSV."""
     search = driver.find_element(By.CSS_SELECTOR, "input[type=search]")
     shown = lambda: [card.get_attribute("id") for card in driver.find_elements(By.CSS_SELECTOR, "#signals .figure") if card.is_displayed()]
@@ -163,7 +163,7 @@ def check_times(driver, run):
 
 
 def check_widths(driver):
-    """Nothing sticks out of the page, and no title is cut."""
+    """Nothing overflows the page, and no title is truncated."""
     for theme in ("light", "dark"):
         driver.execute_script("escapement.setTheme(arguments[0])", theme)
         for width in WIDTHS:
@@ -220,11 +220,11 @@ def main():
                 points = check_signals(driver, folder / run)
                 if run == "trolleys":
                     points += check_panels(driver, folder / run)
-                    check_use(driver, folder / run, page)
+                    check_controls(driver, folder / run, page)
                 if run != "lander":
                     check_times(driver, folder / run)
                 check_widths(driver)
-                check_quiet(driver, page)
+                check_no_requests_or_messages(driver, page)
                 pictures = sorted(path.stem for path in (folder / f"{run}-figures").glob("*.svg"))
                 print(f"{run}: {points} points are those of the tape; as files: {', '.join(pictures)}")
                 if args.screenshots:

@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 
-from check_report import browser, check_quiet
+from check_report import browser, check_no_requests_or_messages
 
 CASES = """
 title = "Springs that are not as they should be"
@@ -100,7 +100,7 @@ def main():
             assert "2 of 3" not in wrong and "no such thing" in wrong and "much" in wrong, wrong
             drawn = driver.execute_script("return document.querySelectorAll('#figures canvas').length")
             assert drawn == 3, drawn
-            check_quiet(driver, page)
+            check_no_requests_or_messages(driver, page)
             print(f"cases: {count} cells are those of the table, {drawn} figures are drawn")
             if args.screenshots:
                 args.screenshots.mkdir(parents=True, exist_ok=True)

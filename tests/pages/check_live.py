@@ -19,7 +19,7 @@ from expected import BODIES, curves
 from selenium.webdriver.common.by import By
 
 
-def until(what, condition, seconds=60):
+def wait_for(what, condition, seconds=60):
     end = time.monotonic() + seconds
     while not (value := condition()):
         assert time.monotonic() < end, what
@@ -49,17 +49,17 @@ def check(driver, url, run, screenshots):
     text = lambda: driver.find_element(By.CSS_SELECTOR, "#live .state").text
     button = lambda name: next(b for b in driver.find_elements(By.CSS_SELECTOR, "#live button") if b.text == name)
     # The run waits at its first stop, however long the browser took to start.
-    until("it rests at its stop", lambda: "t = 0.500 s" in text() and ", paused" in text())
+    wait_for("it rests at its stop", lambda: "t = 0.500 s" in text() and ", paused" in text())
     first = (points(), frames())
     button("Resume").click()
-    until("the curves grow", lambda: points() > first[0] + 200 and frames() > first[1] + 10)
+    wait_for("the curves grow", lambda: points() > first[0] + 200 and frames() > first[1] + 10)
     button("Pause").click()
-    until("it comes to rest", lambda: ", paused" in text())
-    until("it says how its pace is kept", lambda: " of 2 × real time " in text() and "kept" in text())
+    wait_for("it comes to rest", lambda: ", paused" in text())
+    wait_for("it says how its pace is kept", lambda: " of 2 × real time " in text() and "kept" in text())
     # The page has the last samples when it next asks for them, which on a busy machine takes a while.
     recorded = lambda: len(curves(run, "position-error")[0])
     newest = lambda: (time.sleep(0.5), (points(), text()))[1]
-    until("the page has caught up", lambda: points() == recorded() and newest() == newest())
+    wait_for("the page has caught up", lambda: points() == recorded() and newest() == newest())
     still = (points(), text())
     time.sleep(0.6)
     assert (points(), text()) == still, "a run at rest does not move"
@@ -71,16 +71,16 @@ def check(driver, url, run, screenshots):
         driver.save_screenshot(str(screenshots / "live.png"))
     driver.execute_script("const s = document.querySelector('#live select'); s.value = 'of plant'; s.dispatchEvent(new Event('change'))")
     button("Step").click()
-    until("a step of the plant is one more sample", lambda: points() == still[0] + 1)
+    wait_for("a step of the plant is one more sample", lambda: points() == still[0] + 1)
     driver.execute_script("const s = document.querySelector('#live select'); s.value = 'time'; s.dispatchEvent(new Event('change'))")
     driver.execute_script("document.querySelector('#live input').value = '0.25 s'")
     button("Step").click()
-    until("a step of time is 250 more samples", lambda: points() == still[0] + 251)
+    wait_for("a step of time is 250 more samples", lambda: points() == still[0] + 251)
     driver.execute_script("document.querySelector('#live input').value = 'soon'")
     button("Step").click()
-    until("a wrong time is refused in words", lambda: "soon" in text())
+    wait_for("a wrong time is refused in words", lambda: "soon" in text())
     button("Resume").click()
-    until("the page says the end", lambda: "complete" in text(), 120)
+    wait_for("the page says the end", lambda: "complete" in text(), 120)
     result = driver.execute_script("return [escapement.data.runs[0].digest, escapement.data.summary.length, escapement.clock.end]")
     for entry in driver.get_log("performance"):
         message = json.loads(entry["message"])["message"]

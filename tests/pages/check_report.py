@@ -85,7 +85,7 @@ def check_values(driver, run):
 
 
 def check_bodies(driver, run):
-    """The momentum of each body: all together are what the plant has recorded, and each one is what its motion says."""
+    """The momentum of each body: all together are what the plant has recorded, and each one follows from its motion."""
     shown = {}
     for figure in BODIES:
         labels = driver.execute_script("return escapement.figures[arguments[0]].series.map((s) => s.label)", figure)
@@ -119,7 +119,7 @@ def check_bodies(driver, run):
 
 
 def check_read_off(driver, run):
-    """What the pointer reads off is the tape's value at that stamp, in every figure; and something is drawn there."""
+    """The value shown at the pointer is the tape's value at that stamp, in every figure, and a point is drawn there."""
     figures = [figure for figure in driver.execute_script("return escapement.data.figures.filter((f) => !f.signal).map((f) => f.id)") if figure not in BODIES]
     read = 0
     for figure in figures:
@@ -153,8 +153,8 @@ def check_read_off(driver, run):
     return read
 
 
-def check_looks(driver, folder):
-    """Light, dark, narrow and on paper: nothing sticks out of the page, nothing is blank."""
+def check_layout(driver, folder):
+    """Light, dark, narrow and printed: nothing overflows the page, and no figure is blank."""
     blank = """return Object.values(escapement.figures).flatMap((f) => f.shared.panels.map((panel) => {
         const { width, height } = panel.base, pixels = panel.base.getContext("2d").getImageData(0, 0, width, height).data;
         for (let i = 3; i < pixels.length; i += 4) if (pixels[i] > 0) return null;
@@ -250,7 +250,7 @@ def check_zoom(driver):
     assert driver.execute_script("return escapement.range.lo") is None, "a double click shows everything"
 
 
-def check_quiet(driver, page):
+def check_no_requests_or_messages(driver, page):
     """No request but for the page itself, nothing on the console."""
     for entry in driver.get_log("performance"):
         message = json.loads(entry["message"])["message"]
@@ -264,7 +264,7 @@ def check_quiet(driver, page):
     assert not severe, severe
 
 
-def take_pictures(driver, folder):
+def take_screenshots(driver, folder):
     """The pictures of README.md and docs/run-folder.md."""
     folder.mkdir(parents=True, exist_ok=True)
     stage = driver.find_element(By.ID, "stage")
@@ -285,8 +285,8 @@ def take_pictures(driver, folder):
     driver.set_window_size(1500, 1000)
 
 
-def check_room(driver):
-    """What lies on the playback covers nothing else that lies on it, at any width, even where the names of runs are long."""
+def check_overlays_do_not_overlap(driver):
+    """The overlays of the playback do not cover each other, at any width, even where the names of runs are long."""
     driver.execute_script("document.getElementById('stage').scrollIntoView({block: 'center'})")
     for width in (1400, 1100, 800, 600):
         driver.set_window_size(width, 900)
@@ -318,8 +318,8 @@ def main():
             read = check_read_off(driver, args.run)
             bodies = check_playback(driver, args.run)
             check_zoom(driver)
-            pages = check_looks(driver, folder)
-            check_quiet(driver, page)
+            pages = check_layout(driver, folder)
+            check_no_requests_or_messages(driver, page)
             print(f"one run: {points} points and {read} values read off are those of the tape; {len(bodies or [])} bodies move; {pages} pages on paper")
             figures = driver.execute_script("return Object.keys(escapement.figures)")
             for figure in figures:
@@ -328,7 +328,7 @@ def main():
                     assert data.startswith(magic) and len(data) > 1000, f"{figure}.{kind}"
             print(f"{len(figures)} figures as SVG and PNG")
             if args.screenshots:
-                take_pictures(driver, args.screenshots)
+                take_screenshots(driver, args.screenshots)
             for run in args.bodies:
                 subprocess.run([args.program, "report", run, "--out", page], check=True, stdout=sys.stderr)
                 driver.get(page.as_uri())
@@ -344,8 +344,8 @@ def main():
                     driver.execute_script("escapement.setTheme('dark'); escapement.clock.set(9); window.scrollTo(0, 0)")
                     time.sleep(1.0)
                     driver.save_screenshot(str(args.screenshots / "two.png"))
-                check_room(driver)
-                check_quiet(driver, both)
+                check_overlays_do_not_overlap(driver)
+                check_no_requests_or_messages(driver, both)
                 print("two runs: side by side and overlaid")
         finally:
             driver.quit()

@@ -4,7 +4,7 @@ participants in Python, with a URDF whose joints follow centimetres and degrees.
     python3 tests/pages/check_scene.py ORCHESTRATOR LANDER [--python PYTHON] [--screenshots DIR]
 
 What is drawn at an instant is compared with what numpy makes of the tape. PYTHON is an interpreter that has the package `escapement`;
-without one the crane is left out, and said. Needs what check_report.py beside this file needs, and the
+without one the crane is left out, with a message. Needs what check_report.py beside this file needs, and the
 packages of tests/exports/requirements.txt.
 """
 
@@ -19,7 +19,7 @@ import time
 
 import numpy as np
 from check_any import streams
-from check_report import browser, check_quiet
+from check_report import browser, check_no_requests_or_messages
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from selenium.webdriver.common.by import By
@@ -50,7 +50,7 @@ def picture(driver):
         return [p.reduce((sum, x) => (31 * sum + x) | 0, 7), p.reduce((sum, x, i) => sum + (i % 4 === 3 && x > 0), 0)];""")
 
 
-def check_use(driver, marks):
+def check_controls(driver, marks):
     """Cameras, layers, the slider and its marks, in both themes."""
     names = [button.text for button in driver.find_elements(By.CSS_SELECTOR, ".cameras button")]
     assert names[0] == "Camera" and {"Overview", "Side", "Top"} <= set(names), names
@@ -154,10 +154,10 @@ def main():
                 check(driver, folder / name)
                 events = len([event for event in driver.execute_script("return escapement.data.runs[0].marks")])
                 assert events >= marks, events
-                check_use(driver, events)
+                check_controls(driver, events)
                 if name == "lander":
                     check_export(program, folder / name)
-                check_quiet(driver, page)
+                check_no_requests_or_messages(driver, page)
                 print(f"{name}: bodies, joints and arrows are those of the tape; cameras, layers and slider move the picture")
                 if args.screenshots:
                     args.screenshots.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-//! A damper that panics when its process has taken anything from the heap since its second step.
+//! A damper that panics when its process has allocated heap memory since its second step.
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,7 +12,7 @@ static AT_SECOND_STEP: AtomicU64 = AtomicU64::new(0);
 static ALLOCATOR: Counting = Counting;
 
 fn main() -> ExitCode {
-    faulty::damper("counting", |step| {
+    faulty::run_before_step("counting", |step| {
         let taken = process_allocations();
         match step.index {
             0 => {}

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use escapement_tests::faulty;
 
 fn main() -> ExitCode {
-    faulty::damper("crash_at", |step| {
+    faulty::run_before_step("crash_at", |step| {
         if step.t >= 2.0 {
             std::process::abort();
         }

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use escapement_tests::parts::Damper;
+use escapement_tests::participants::Damper;
 
 fn main() -> ExitCode {
     lockstep::host::run(Damper::factory, "damper")

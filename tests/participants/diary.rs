@@ -1,4 +1,4 @@
-//! A participant that writes down what becomes of it.
+//! A participant that logs its life cycle.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! Ends before it has entered the run.
+//! Exits before the handshake.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! Writes to its standard error without end: in its steps, or before it enters the run (`floods at-once`).
+//! Writes to its standard error without end: in its steps, or before the handshake (`floods at-once`).
 
 use std::process::ExitCode;
 
@@ -11,5 +11,5 @@ fn main() -> ExitCode {
             words();
         }
     }
-    faulty::damper("floods", move |_| eprintln!("{}", "word ".repeat(200_000)))
+    faulty::run_before_step("floods", move |_| eprintln!("{}", "word ".repeat(200_000)))
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use escapement_tests::faulty;
 
 fn main() -> ExitCode {
-    faulty::damper("ignores_terminate", |step| {
+    faulty::run_before_step("ignores_terminate", |step| {
         if step.t >= 0.5 {
             loop {
                 std::thread::park();

@@ -3,7 +3,7 @@
 
 use std::process::ExitCode;
 
-use escapement_tests::parts::{Damper, Motion, Push};
+use escapement_tests::participants::{Damper, Motion, Push};
 use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
 
 struct Memoryless {

@@ -3,10 +3,10 @@
 use std::process::ExitCode;
 
 use escapement_tests::faulty;
-use escapement_tests::parts::Push;
+use escapement_tests::participants::Push;
 
 fn main() -> ExitCode {
-    faulty::altered("nan", |step, outputs| {
+    faulty::run_after_step("nan", |step, outputs| {
         if step.t >= 2.0 {
             outputs.get_mut::<Push>(0).force = f64::NAN;
         }

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use escapement_tests::parts::Oscillator;
+use escapement_tests::participants::Oscillator;
 
 fn main() -> ExitCode {
     lockstep::host::run(Oscillator::factory, "oscillator")

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use escapement_tests::faulty;
 
 fn main() -> ExitCode {
-    faulty::damper("panics", |step| {
+    faulty::run_before_step("panics", |step| {
         assert!(step.t < 2.0, "the valve is stuck at t = {} s", step.t)
     })
 }

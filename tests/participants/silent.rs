@@ -1,4 +1,4 @@
-//! Enters the run and then says nothing.
+//! Starts and never answers the handshake.
 
 use std::process::ExitCode;
 use std::time::Duration;

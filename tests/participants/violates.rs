@@ -2,8 +2,8 @@
 
 use std::process::ExitCode;
 
-use escapement_tests::offender::{Offender, conforming_reply, run};
-use escapement_tests::parts::Push;
+use escapement_tests::offender::{Offender, conforming_reply, run_offender};
+use escapement_tests::participants::Push;
 use lockstep::control::{ParticipantEvent, Reply, Request, WallTimeBreakdown};
 use lockstep::participant::Interface;
 use lockstep::wire::encode;
@@ -34,7 +34,7 @@ fn reply(violation: &str, request: &Request) -> Option<Vec<u8>> {
 }
 
 fn act(violation: &str, offender: &mut Offender) {
-    offender.behave(AT);
+    offender.step_until(AT);
     let (mut header, mut payload, mut stream) = (offender.header(AT), Offender::payload(AT), None);
     match violation {
         "link-repeats" | "record-repeats" => header.index -= 1,
@@ -46,27 +46,29 @@ fn act(violation: &str, offender: &mut Offender) {
         "record-stream" => stream = Some(1 - offender.assignment.outputs[0].stream),
         "record-unknown" => stream = Some(77),
         "record-last" => header.index = u64::MAX,
-        "record-twice" => offender.record_anew(),
+        "record-twice" => offender.reopen_record(),
         // It wakes no consumer: all that it sends is found all the same.
         "wakes-none" => {
-            offender.behave_from(AT, offender.assignment.activations);
+            offender.step_range(AT, offender.assignment.activations);
             return offender.event(&ParticipantEvent::Finished(WallTimeBreakdown::default()));
         }
-        "intrudes" => {
-            let _kept = offender.intrude("plant");
-            return offender.behave_from(AT, offender.assignment.activations);
+        "opens-other-record" => {
+            let _kept = offender.open_record_of("plant");
+            return offender.step_range(AT, offender.assignment.activations);
         }
         // Done, after a tenth of its samples.
         "finishes" => return offender.event(&ParticipantEvent::Finished(WallTimeBreakdown::default())),
-        // At rest where the plan has twice as many activations before; then with that number, which it has not done.
-        "rests-early" => return offender.rest(offender.header(2 * AT).stamp, AT, |request| reply(violation, request)),
-        "rests-short" => {
-            return offender.rest(offender.header(2 * AT).stamp, 2 * AT, |request| {
+        // Paused where the plan has twice as many activations before; then with that number, which it has not done.
+        "pauses-early" => {
+            return offender.pause_at(offender.header(2 * AT).stamp, AT, |request| reply(violation, request));
+        }
+        "pauses-short" => {
+            return offender.pause_at(offender.header(2 * AT).stamp, 2 * AT, |request| {
                 reply(violation, request)
             });
         }
-        "rests-beyond" => {
-            return offender.rest(offender.header(3 * AT).stamp, 3 * AT, |request| {
+        "pauses-beyond" => {
+            return offender.pause_at(offender.header(3 * AT).stamp, 3 * AT, |request| {
                 reply(violation, request)
             });
         }
@@ -75,7 +77,7 @@ fn act(violation: &str, offender: &mut Offender) {
             offender.event(&ParticipantEvent::AtHorizon { horizon, next });
         },
         // The activation at the very instant before which all participants are to rest.
-        "past-the-horizon" => return offender.behave_from(AT, AT + 1),
+        "past-the-horizon" => return offender.step_range(AT, AT + 1),
         "steers-the-terminal" => {
             let (activation, t) = (AT, "1\u{1b}[31m".to_owned());
             let reason = "\u{1b}[2J\0odd\nerror: all is well\rcaptured".to_owned();
@@ -85,8 +87,8 @@ fn act(violation: &str, offender: &mut Offender) {
             eprint!("\u{1b}[2J\0last\nerror: all is well\n");
             std::process::abort();
         }
-        "dies-on-move" => return offender.rest(offender.header(AT).stamp, AT, |request| reply(violation, request)),
-        _ => return offender.behave(0),
+        "dies-on-move" => return offender.pause_at(offender.header(AT).stamp, AT, |request| reply(violation, request)),
+        _ => return offender.step_until(0),
     }
     match violation.starts_with("link") {
         true => offender.send(header, &payload),
@@ -96,7 +98,7 @@ fn act(violation: &str, offender: &mut Offender) {
 
 fn main() -> ExitCode {
     let violation = std::env::args().nth(1).unwrap_or_default();
-    run(
+    run_offender(
         |request| reply(&violation, request),
         |offender| act(&violation, offender),
     )

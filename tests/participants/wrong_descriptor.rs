@@ -1,4 +1,4 @@
-//! Gives its output in another unit than the plant takes.
+//! Declares its output in another unit than the input of the plant.
 
 use std::process::ExitCode;
 
@@ -17,7 +17,7 @@ struct Imperial;
 impl Participant for Imperial {
     fn interface(&self) -> Interface {
         Interface::new(Kind::Sampled)
-            .input::<escapement_tests::parts::Motion>("motion")
+            .input::<escapement_tests::participants::Motion>("motion")
             .output::<Push>("push")
     }
     fn initialise(&mut self, _: f64, _: &mut Outputs) -> Result<(), Failure> {

@@ -1,4 +1,4 @@
-/* Everything that a caller can do wrong: each line says what was refused, and why. */
+/* Invalid calls of a program that drives runs: each line of its output gives a rejected call and the reason. */
 #include <escapement-run.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* A camera whose pictures are ROWS by COLUMNS bytes, and a viewer that says what it has seen of them. */
+/* A camera whose pictures are ROWS by COLUMNS bytes, and a viewer that reports exposure, sum and last pixel of each. */
 #include <string.h>
 
 #include "escapement.h"

@@ -1,4 +1,4 @@
-/* A participant that does one thing wrong: MISUSE says which. Else it counts. */
+/* A participant with one fault, which MISUSE selects. Otherwise it counts. */
 #include <escapement.h>
 
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-/* A participant that says its name and what it was told last, and how it is: lists of texts and of enumerations. */
+/* A participant that sends its name, the last text that it received, and its mood: lists of texts and of enumerations. */
 #include "escapement.h"
 enum { CALM, PLEASED = 4, CROSS = 200 };
 typedef struct { char word[2][16]; uint8_t moods[2]; _Bool heard; } Words;

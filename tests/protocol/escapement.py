@@ -14,7 +14,7 @@ import iceoryx2 as iox2
 
 PROTOCOL = 7
 SAMPLED, CONTINUOUS = 0, 1
-NOTE = 2**64 - 1
+EVENT_STREAM = 2**64 - 1
 LINE = 64
 ELEMENTS = "dfqiQIBbhH?"  # struct's letters for the elements f64, f32, i64, i32, u64, u32, u8, i8, i16, u16, bool
 ENUM = len(ELEMENTS)  # an enumeration: a byte, with the names of its values
@@ -195,7 +195,7 @@ class Visibility:
     def draw(self, i, key=None):
         return mix(((self.key if key is None else key) + 0x9E3779B97F4A7C15 * (i + 1)) & U64) >> 32
 
-    def concern(self, k):
+    def active_disruptions(self, k):
         return [d for d in self.disruptions if d[0] <= self.instant(k) < d[1]]
 
     def instant(self, k):
@@ -203,13 +203,13 @@ class Visibility:
 
     def dropped(self, k):
         lost = self.drop_below > 0 and self.draw(2 * k + 1) < self.drop_below
-        return lost or any(self.draw(k, key) < below for _, _, _, below, key in self.concern(k))
+        return lost or any(self.draw(k, key) < below for _, _, _, below, key in self.active_disruptions(k))
 
     def visible(self, k, t):
-        late = self.base + self.spread * (self.draw(2 * k) if self.spread else 0) + sum(d[2] for d in self.concern(k))
+        late = self.base + self.spread * (self.draw(2 * k) if self.spread else 0) + sum(d[2] for d in self.active_disruptions(k))
         return self.instant(k) - (-late // self.scale) <= t
 
-    def reads(self, t):
+    def sample_to_read(self, t):
         """The index, -1 for the initial value, None for nothing."""
         k = (t + self.base // -self.scale - self.producer[0]) // self.producer[1]
         while k >= 0 and not (self.visible(k, t) and (self.hold == 1 or not self.dropped(k))):
@@ -220,15 +220,15 @@ class Visibility:
 
 
 class Consumer:
-    """Somebody who reads an output: knows whether it will ever read a sample."""
+    """A reader of an output: determines whether it will ever read a sample."""
 
     def __init__(self, link, to, visibility, sample_time, first, capacity, end):
         self.link, self.to, self.visibility, self.first, self.capacity = link, to, visibility, first, capacity
         (self.t, self.period), self.end, self.due = sample_time, end, -1
 
-    def wants(self, index):
+    def is_read(self, index):
         while self.due < index and self.t < self.end:
-            read = self.visibility.reads(self.t)
+            read = self.visibility.sample_to_read(self.t)
             self.t += self.period
             if read is None:
                 read = 0 if self.first else -1
@@ -244,7 +244,7 @@ def slot_size(payload):
 
 
 class Memory:
-    """What one process writes and another reads: lines, of which every one with a multiple of `cleared` begins with 0 at first."""
+    """Memory that one process writes and another reads, in lines; every line with a multiple of `cleared` begins with 0 at first."""
 
     def __init__(self, services, lines, cleared):
         samples, board = services
@@ -253,8 +253,8 @@ class Memory:
         self.counted = board.reader_builder().create().entry(ctypes.c_uint64(0), ctypes.c_uint64)
         self.lines, self.cleared, self.base = lines, cleared, None
 
-    def there(self):
-        """Hands it over, once."""
+    def hand_over(self):
+        """Hands the memory over, once; returns whether a process has received it."""
         if self.base is None:
             sample = self.publisher.loan_slice_uninit(self.lines)
             base = sample.payload_ptr
@@ -283,7 +283,7 @@ class Sender:
 
     def send(self, index, stamp, payload):
         """False when there is no room now."""
-        if not self.memory.there() or self.sent - self.memory.taken() == self.capacity:
+        if not self.memory.hand_over() or self.sent - self.memory.taken() == self.capacity:
             return False
         at = self.sent % self.capacity * self.slot
         self.memory.write(at + 8, struct.pack("<Qq", index, stamp) + payload)
@@ -317,13 +317,13 @@ class Receiver:
 
 
 class Record:
-    """The way to the recorder."""
+    """The connection to the recorder."""
 
     def __init__(self, services, room):
         self.size = room
         lines = 1 + self.size // LINE
         self.memory = Memory(services, lines, lines)
-        if not self.memory.there():
+        if not self.memory.hand_over():
             raise ValueError("the recorder does not take the record")
         self.written = 0
 
@@ -359,19 +359,19 @@ class Session:
         config.global_cfg.service.cleanup_dead_nodes_on_open = False
         node = iox2.NodeBuilder.new().config(config).name(iox2.NodeName.new(self.name))
         self.node = node.signal_handling_mode(iox2.SignalHandlingMode.Disabled).create(iox2.ServiceType.Ipc)
-        writer = self.board(f"status/{self.name}").writer_builder().create()
+        writer = self.blackboard(f"status/{self.name}").writer_builder().create()
         self.row = writer.entry(ctypes.c_uint64(1), Row)
         self.listener = self.service(f"wake/{self.name}").event().open().listener_builder().create()
         control = self.service(f"control/{self.name}").request_response(iox2.Slice[ctypes.c_uint8], iox2.Slice[ctypes.c_uint8])
         server = control.open().server_builder().initial_max_slice_len(65536)
         self.server = server.allocation_strategy(iox2.AllocationStrategy.PowerOfTwo).create()
         self.model = self.record = None
-        self.leaving = False
+        self.terminating = False
 
     def service(self, name):
         return self.node.service_builder(iox2.ServiceName.new(name))
 
-    def board(self, name):
+    def blackboard(self, name):
         return self.service(name).blackboard_opener(ctypes.c_uint64).open()
 
     def serve(self):
@@ -407,7 +407,7 @@ class Session:
             cores, _waiting = request.list(lambda: request.take("I")), (request.take("I"), request.take("I"))
             room = request.take("I")
             if request.take("B"):
-                return struct.pack("<I", 4) + text("") + text("it cannot take up a run on the way")
+                return struct.pack("<I", 4) + text("") + text("it cannot resume a run")
             if cores:
                 os.sched_setaffinity(0, cores)
             self.connect(room, *assignment)
@@ -415,16 +415,16 @@ class Session:
         if variant == 3:
             return struct.pack("<IB", 3, 0)
         if variant == 5:
-            self.leaving = True
+            self.terminating = True
             return struct.pack("<I", 2)
-        return struct.pack("<I", 4) + text("") + text("it cannot move to another place")
+        return struct.pack("<I", 4) + text("") + text("it cannot relocate")
 
     def connect(self, room, name, tick, sample_time, activations, inputs, outputs):
         number, unit = tick.split()
         numerator, _, denominator = number.partition("/")
         self.tick = int(numerator), int(denominator or 1) * {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
         (self.offset, self.step_ticks), self.activations = sample_time, activations
-        clock = self.board("clock").reader_builder().create()
+        clock = self.blackboard("clock").reader_builder().create()
         self.horizon = clock.entry(ctypes.c_uint64(0), ctypes.c_int64)
         self.command = clock.entry(ctypes.c_uint64(1), ctypes.c_uint64)
         self.inputs, self.outputs, self.others = inputs, outputs, {}
@@ -432,43 +432,43 @@ class Session:
             link["message"] = self.model.inputs[link["port"]][1]
             link["receiver"] = Receiver(self.ring(f"link/{link['link']}"), link["capacity"], link["message"].size)
             link["received"] = -1
-            self.meet(link["from"])
+            self.open_status_of(link["from"])
         for (_, consumers), (_, message) in zip(outputs, self.model.outputs):
             for to in consumers:
                 to.sender = Sender(self.ring(f"link/{to.link}"), to.capacity, message.size)
-                self.meet(to.to)
+                self.open_status_of(to.to)
         self.record = Record(self.ring(f"record/{name}"), room)
         self.payloads = [bytes(message.size) for _, message, _ in self.model.inputs]
         self.values = [(0,) * len(struct.unpack(m.format, bytes(m.size))) for _, m in self.model.outputs]
-        self.next, self.initialised, self.rests_at, self.paused = 0, False, -(2**63), False
+        self.next, self.initialised, self.paused_at, self.paused = 0, False, -(2**63), False
 
     def ring(self, name):
         samples = self.service(name).publish_subscribe(iox2.Slice[Line])
-        return samples.payload_alignment(iox2.Alignment.new(LINE)).open(), self.board(name)
+        return samples.payload_alignment(iox2.Alignment.new(LINE)).open(), self.blackboard(name)
 
-    def meet(self, port):
+    def open_status_of(self, port):
         other = port.split(".")[0]
         if other != self.name and other not in self.others:
-            asleep = self.board(f"status/{other}").reader_builder().create().entry(ctypes.c_uint64(0), ctypes.c_uint64)
-            self.others[other] = asleep, self.service(f"wake/{other}").event().open().notifier_builder().create()
+            wait_reason = self.blackboard(f"status/{other}").reader_builder().create().entry(ctypes.c_uint64(0), ctypes.c_uint64)
+            self.others[other] = wait_reason, self.service(f"wake/{other}").event().open().notifier_builder().create()
 
     def wake(self):
-        for asleep, notifier in self.others.values():
-            if asleep.get().decode_as(ctypes.c_uint64).value:
+        for wait_reason, notifier in self.others.values():
+            if wait_reason.get().decode_as(ctypes.c_uint64).value:
                 notifier.notify()
 
-    def commanded(self):
+    def current_command(self):
         return self.command.get().decode_as(ctypes.c_uint64).value
 
-    def say(self, activity, first=0, second=0):
+    def set_status(self, activity, first=0, second=0):
         self.row.update_with_copy(Row(self.next, activity, first, second))
 
     def wait(self, activity, first=0, second=0):
-        """Something is missing: lets others run. Leaves when the run is over."""
-        self.say(activity, first, second)
+        """Yields to other processes. Exits when the run is over."""
+        self.set_status(activity, first, second)
         self.wake()
         os.sched_yield()
-        if self.commanded() == 1:
+        if self.current_command() == 1:
             sys.exit(0)
 
     def instant(self, k):
@@ -478,9 +478,9 @@ class Session:
         return ticks * self.tick[0] / self.tick[1]  # integers: one correct rounding
 
     def fetch(self, number, link):
-        """What this activation reads of link `number`, into the payload of its input."""
+        """Copies the sample of link `number` that this activation reads into the payload of its input."""
         port, message = link["port"], link["message"]
-        read = link["visibility"].reads(self.instant(self.next))
+        read = link["visibility"].sample_to_read(self.instant(self.next))
         if read is None and link["initial"] is None:
             read = 0
         if read is None or read < 0:
@@ -508,52 +508,52 @@ class Session:
         self.record.append(entries, lambda: self.wait(4))
         for output, ((_, consumers), (_, _, _, payload)) in enumerate(zip(self.outputs, entries)):
             for position, to in enumerate(consumers):
-                while to.wants(index) and not to.sender.send(index, stamp, payload):
+                while to.is_read(index) and not to.sender.send(index, stamp, payload):
                     self.wait(3, output, position)
         self.wake()
 
     def event(self, payload):
-        self.record.append([(NOTE, 0, 0, payload)], lambda: self.wait(4))
+        self.record.append([(EVENT_STREAM, 0, 0, payload)], lambda: self.wait(4))
 
     def advance(self, horizon):
-        self.say(1)
+        self.set_status(1)
         if not self.initialised:
             self.initialised = True
             self.model.initialise(self.seconds(self.offset), self.values)
             if self.model.kind == CONTINUOUS and self.activations > 0:
                 self.publish(0)
-        while self.next < self.activations and self.instant(self.next) < horizon and self.commanded() == 0:
+        while self.next < self.activations and self.instant(self.next) < horizon and self.current_command() == 0:
             for number, link in enumerate(self.inputs):
                 self.fetch(number, link)
             inputs = [struct.unpack(m.format, payload) for (_, m, _), payload in zip(self.model.inputs, self.payloads)]
             self.model.step(self.seconds(self.instant(self.next)), self.seconds(self.step_ticks), inputs, self.values)
             self.publish(self.next + (1 if self.model.kind == CONTINUOUS else 0))
             self.next += 1
-            self.say(1)
+            self.set_status(1)
         if self.next >= self.activations:
-            self.say(6)
+            self.set_status(6)
             self.event(struct.pack("<IQQ", 0, 0, len(self.inputs)) + bytes(8 * (len(self.inputs) + 4)))
         elif self.instant(self.next) >= horizon:
-            self.say(5)
+            self.set_status(5)
             self.event(struct.pack("<IqQ", 1, horizon, self.next))
         else:
             return
-        self.rests_at = horizon
+        self.paused_at = horizon
 
     def run(self):
-        while not self.leaving:
+        while not self.terminating:
             self.serve()
             if self.record is None:
                 os.sched_yield()
                 continue
-            command, horizon = self.commanded(), self.horizon.get().decode_as(ctypes.c_int64).value
+            command, horizon = self.current_command(), self.horizon.get().decode_as(ctypes.c_int64).value
             if command == 1:
                 return
             if command == 2 and not self.paused:
                 self.paused = True
-                self.say(5)
+                self.set_status(5)
                 self.event(struct.pack("<IQ", 3, self.next))
-            if self.paused or horizon in (-(2**63), self.rests_at):
+            if self.paused or horizon in (-(2**63), self.paused_at):
                 self.listener.timed_wait(iox2.Duration.from_millis(20))
                 continue
             try:

@@ -10,7 +10,7 @@ use crate::program::{built, root, text};
 pub const STRICT: [&str; 6] = ["-O2", "-g", "-Wall", "-Wextra", "-Werror", "-pedantic"];
 
 /// A check of a source by `compiler`, with the headers in `include` and without a warning; the source is the next argument.
-pub fn checks(compiler: &str, standard: &str, include: &Path) -> Command {
+pub fn syntax_check(compiler: &str, standard: &str, include: &Path) -> Command {
     let mut command = Command::new(compiler);
     command
         .args([
@@ -27,7 +27,7 @@ pub fn checks(compiler: &str, standard: &str, include: &Path) -> Command {
 }
 
 /// A folder with everything installed below `prefix`, and with the built files.
-pub struct Workshop {
+pub struct NativeBuild {
     folder: PathBuf,
 }
 
@@ -35,28 +35,28 @@ pub struct Workshop {
 ///
 /// # Panics
 /// When it fails, with its output.
-pub fn must(command: &mut Command) -> String {
-    let said = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    let words = [said.stdout, said.stderr].concat();
+pub fn run_checked(command: &mut Command) -> String {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let words = [output.stdout, output.stderr].concat();
     let words = String::from_utf8_lossy(&words).into_owned();
-    assert!(said.status.success(), "{command:?}: {words}");
+    assert!(output.status.success(), "{command:?}: {words}");
     words
 }
 
-impl Workshop {
+impl NativeBuild {
     /// The folder of this test, called `name`: a new one in each process.
-    pub fn open(name: &str) -> Workshop {
+    pub fn new(name: &str) -> NativeBuild {
         let folder = built().join("tmp").join(format!("workshop-{name}"));
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).expect("the build's folder can be written");
-        let workshop = Workshop { folder };
-        must(
+        let native_build = NativeBuild { folder };
+        run_checked(
             Command::new(root().join("crates/escapement-c/install.sh"))
-                .current_dir(&workshop.folder)
+                .current_dir(&native_build.folder)
                 .arg("prefix")
                 .arg(built()),
         );
-        workshop
+        native_build
     }
 
     /// A file in the folder.
@@ -68,8 +68,8 @@ impl Workshop {
     fn flags(&self, package: &str) -> Vec<String> {
         let mut command = Command::new("pkg-config");
         command.env("PKG_CONFIG_PATH", self.path("prefix/lib/pkgconfig"));
-        let said = must(command.args(["--cflags", "--libs", package]));
-        said.split_whitespace().map(str::to_owned).collect()
+        let output = run_checked(command.args(["--cflags", "--libs", package]));
+        output.split_whitespace().map(str::to_owned).collect()
     }
 
     /// Compiles `source`, relative to the project, into `name`, a plug-in or a program.
@@ -86,7 +86,7 @@ impl Workshop {
             compiler
         };
         compiler.args(STRICT).args(more);
-        must(
+        run_checked(
             compiler
                 .arg(root().join(source))
                 .arg("-o")
@@ -113,32 +113,32 @@ impl Workshop {
 }
 
 /// The examples in C and C++ as programs (`c/spring`) and plug-ins (`c/libspring.so`).
-pub fn examples() -> &'static Workshop {
-    static EXAMPLES: OnceLock<Workshop> = OnceLock::new();
+pub fn examples() -> &'static NativeBuild {
+    static EXAMPLES: OnceLock<NativeBuild> = OnceLock::new();
     EXAMPLES.get_or_init(|| {
-        let workshop = Workshop::open("examples");
+        let native_build = NativeBuild::new("examples");
         for name in ["spring", "plant", "pid", "reference"] {
             let source = format!("examples/c/{name}.c");
-            workshop.program(&source, &format!("c/{name}"), &[]);
-            workshop.plugin(&source, &format!("c/lib{name}.so"), &[]);
+            native_build.program(&source, &format!("c/{name}"), &[]);
+            native_build.plugin(&source, &format!("c/lib{name}.so"), &[]);
         }
-        workshop.program(
+        native_build.program(
             "examples/cpp/spring.cpp",
             "cpp/spring",
             &["-fno-exceptions", "-fno-rtti"],
         );
-        workshop.plugin("examples/cpp/spring.cpp", "cpp/libspring.so", &[]);
-        workshop.plugin("examples/cpp/loop.cpp", "cpp/libloop.so", &[]);
-        workshop.plugin("examples/cpp/operator.cpp", "cpp/liboperator.so", &[]);
+        native_build.plugin("examples/cpp/spring.cpp", "cpp/libspring.so", &[]);
+        native_build.plugin("examples/cpp/loop.cpp", "cpp/libloop.so", &[]);
+        native_build.plugin("examples/cpp/operator.cpp", "cpp/liboperator.so", &[]);
         for name in ["crossing", "beacon"] {
-            workshop.plugin(&format!("examples/c/{name}.c"), &format!("c/lib{name}.so"), &[]);
+            native_build.plugin(&format!("examples/c/{name}.c"), &format!("c/lib{name}.so"), &[]);
         }
-        workshop
+        native_build
     })
 }
 
 /// `participants.NAME.run` for a plug-in.
-pub fn library(participant: &str, file: &Path, which: Option<&str>) -> String {
+pub fn library_override(participant: &str, file: &Path, which: Option<&str>) -> String {
     let which = which
         .map(|which| format!(", participant = {which:?}"))
         .unwrap_or_default();
@@ -146,6 +146,6 @@ pub fn library(participant: &str, file: &Path, which: Option<&str>) -> String {
 }
 
 /// `participants.NAME.run` for a program.
-pub fn exe(participant: &str, file: &Path) -> String {
+pub fn exe_override(participant: &str, file: &Path) -> String {
     format!("participants.{participant}.run={{ exe = {:?} }}", text(file))
 }

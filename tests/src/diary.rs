@@ -5,7 +5,7 @@ use lockstep::participant::{
 };
 
 lockstep::message! {
-    /// The output of a diary.
+    /// The output of a [`Diary`].
     pub struct Page {
         /// Number of pages so far.
         pub number: u64 = "1",

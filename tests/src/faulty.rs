@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
 
-use crate::parts::Damper;
+use crate::participants::Damper;
 
 type Fault = fn(&Step, &mut Outputs);
 
@@ -44,13 +44,13 @@ fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
 }
 
 /// The damper, with `before` called before every step.
-pub fn damper(name: &str, before: fn(&Step)) -> ExitCode {
+pub fn run_before_step(name: &str, before: fn(&Step)) -> ExitCode {
     let _ = BEFORE.set(before);
     lockstep::host::run(make, name)
 }
 
 /// The damper, with `after` applied to its outputs.
-pub fn altered(name: &str, after: Fault) -> ExitCode {
+pub fn run_after_step(name: &str, after: Fault) -> ExitCode {
     let _ = FAULT.set(after);
     lockstep::host::run(make, name)
 }

@@ -7,7 +7,7 @@ use crate::program::{Folder, root, text};
 
 /// The description of a test FMU.
 #[derive(Debug, Clone, Copy)]
-pub struct Recipe {
+pub struct TestFmu {
     /// 2 or 3.
     pub version: u8,
     /// A damper instead of a mass on a spring.
@@ -24,14 +24,14 @@ pub struct Recipe {
     pub platform: Option<&'static str>,
 }
 
-impl Recipe {
+impl TestFmu {
     /// A healthy spring that can save its state.
-    pub const fn new(version: u8) -> Recipe {
-        Recipe {
+    pub const fn new(version: u8) -> TestFmu {
+        TestFmu {
             version,
             damper: false,
             state: true,
-            fault: "FINE",
+            fault: "NO_FAULT",
             attributes: "",
             sizes: None,
             platform: None,
@@ -52,8 +52,8 @@ impl Recipe {
         compiler.args(self.state.then_some("-DSTATE"));
         compiler.args(self.sizes.map(|(_, size)| format!("-DSIZE={size}")));
         compiler.arg(root().join("tests/fmus").join(source)).arg("-lm");
-        let said = compiler.output().expect("a C compiler can be started");
-        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+        let output = compiler.output().expect("a C compiler can be started");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let code = std::fs::read(&library).expect("the compiler has written it");
         let native = if self.version == 2 { "linux64" } else { "x86_64-linux" };
         let place = format!("binaries/{}/model.so", self.platform.unwrap_or(native));
@@ -62,7 +62,7 @@ impl Recipe {
             ("modelDescription.xml", self.description().into_bytes()),
             (place.as_str(), code),
         ];
-        std::fs::write(&path, archive(&entries)).expect("the folder can be written");
+        std::fs::write(&path, zip_archive(&entries)).expect("the folder can be written");
         path
     }
 
@@ -139,7 +139,7 @@ impl Recipe {
 }
 
 /// A ZIP archive of these files, uncompressed.
-pub fn archive(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
+pub fn zip_archive(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
     let (mut bytes, mut directory) = (Vec::new(), Vec::new());
     for (name, contents) in entries {
         let (size, crc) = (contents.len() as u32, checksum(contents));
@@ -181,7 +181,7 @@ fn checksum(bytes: &[u8]) -> u32 {
 }
 
 /// The folders with unpacked FMUs below `temporary`.
-pub fn unpacked(temporary: &Path) -> Vec<PathBuf> {
+pub fn unpacked_folders(temporary: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(temporary).into_iter().flatten().flatten();
     let named = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with("escapement-fmu-"));
     named.map(|entry| entry.path()).collect()

@@ -1,4 +1,4 @@
-//! What runs may leave on the machine, and must not.
+//! Leftovers of runs on the machine: objects in shared memory, folders and processes.
 
 use std::fs;
 use std::io::Read;
@@ -12,8 +12,8 @@ use rustix::process::{Pid, Signal, kill_process};
 ///
 /// Tests run in parallel, so everything that belongs to a living run may be another test's and is left out.
 pub fn leftovers() -> Vec<String> {
-    let said = crate::program::orchestrate(&["doctor", "--json"]).json();
-    let found = said["leftovers"].as_array().cloned().unwrap_or_default();
+    let output = crate::program::run_orchestrator(&["doctor", "--json"]).json();
+    let found = output["leftovers"].as_array().cloned().unwrap_or_default();
     found.iter().map(ToString::to_string).chain(orphans()).collect()
 }
 
@@ -34,24 +34,24 @@ pub fn orphans() -> Vec<String> {
 pub fn processes_of(folder: &std::path::Path) -> Vec<String> {
     let name = folder.as_os_str().as_encoded_bytes();
     // Folders of tests end with a number, and one number may be a prefix of another (2 and 20).
-    let goes_on = |line: &[u8], at: usize| line.get(at + name.len()).is_some_and(u8::is_ascii_alphanumeric);
-    let names_it = |line: &[u8]| {
+    let continues_name = |line: &[u8], at: usize| line.get(at + name.len()).is_some_and(u8::is_ascii_alphanumeric);
+    let contains_name = |line: &[u8]| {
         let mut places = line.windows(name.len()).enumerate();
-        places.any(|(at, part)| part == name && !goes_on(line, at))
+        places.any(|(at, part)| part == name && !continues_name(line, at))
     };
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
     numbers
         .filter_map(|pid| {
             let line = fs::read(format!("/proc/{pid}/cmdline")).ok()?;
-            let found = pid != std::process::id() && names_it(&line);
+            let found = pid != std::process::id() && contains_name(&line);
             found.then(|| format!("{pid}: {}", String::from_utf8_lossy(&line).replace('\0', " ")))
         })
         .collect()
 }
 
 /// Sends `signal` to the process `pid`; returns whether it existed.
-pub fn signal(pid: u32, signal: Signal) -> bool {
+pub fn send_signal(pid: u32, signal: Signal) -> bool {
     let pid = Pid::from_raw(pid as i32).expect("a process has a number");
     kill_process(pid, signal).is_ok()
 }
@@ -70,14 +70,14 @@ pub fn wait_until(run: &mut Child, what: &str, done: impl Fn() -> bool) {
             let _ = run.kill();
             let _ = run.wait();
             let how = ended.map_or("hangs".to_owned(), |status| format!("has ended ({status})"));
-            panic!("{what}: the run {how}: {}", words(run));
+            panic!("{what}: the run {how}: {}", read_output(run));
         }
         std::thread::sleep(Duration::from_millis(2));
     }
 }
 
 /// The output of a run that has ended.
-fn words(run: &mut Child) -> String {
+fn read_output(run: &mut Child) -> String {
     let mut all = Vec::new();
     let _ = run.stderr.take().map(|mut pipe| pipe.read_to_end(&mut all));
     let _ = run.stdout.take().map(|mut pipe| pipe.read_to_end(&mut all));
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "the licence is gone")]
-    fn a_wait_ends_with_the_words_of_a_run_that_has_ended() {
+    fn wait_fails_with_the_output_of_an_ended_run() {
         let mut shell = Command::new("sh");
         shell.args(["-c", "echo the licence is gone >&2; exit 1"]);
         let mut run = shell

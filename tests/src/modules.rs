@@ -35,7 +35,7 @@ impl Modules {
         let code = code_of(&std::fs::read_to_string(file).unwrap_or_default());
         let tokens = without_tests(&tokens(&code));
         let own = self.0.len();
-        let (paths, exports) = named(&tokens);
+        let (paths, exports) = paths_and_exports(&tokens);
         self.0.push(Module {
             file: file.to_owned(),
             parent,
@@ -44,7 +44,7 @@ impl Modules {
             exports,
         });
         let folder = file.parent().unwrap_or(Path::new("."));
-        let below = if is_root || file.ends_with("mod.rs") {
+        let child_folder = if is_root || file.ends_with("mod.rs") {
             folder.to_owned()
         } else {
             file.with_extension("")
@@ -54,7 +54,10 @@ impl Modules {
                 continue;
             }
             let name = &three[1].text;
-            let places = [below.join(format!("{name}.rs")), below.join(name).join("mod.rs")];
+            let places = [
+                child_folder.join(format!("{name}.rs")),
+                child_folder.join(name).join("mod.rs"),
+            ];
             // A module with another path belongs to several targets, and is read where its path leads by default.
             if let Some(place) = places.iter().find(|place| place.exists()) {
                 let child = self.add(place, Some(own), false);
@@ -87,15 +90,15 @@ impl Modules {
         while let Some(&child) = rest.first().and_then(|name| self.0[at].children.get(name)) {
             (at, rest) = (child, &rest[1..]);
         }
-        let behind = rest.first().and_then(|name| self.0[at].exports.get(name));
-        match behind {
-            Some(behind) if depth < 8 => self.resolve(at, 0, behind, depth + 1),
+        let exported = rest.first().and_then(|name| self.0[at].exports.get(name));
+        match exported {
+            Some(exported) if depth < 8 => self.resolve(at, 0, exported, depth + 1),
             _ => Some(at),
         }
     }
 
     /// Every cycle: files each of which depends on the others, through others of them or directly.
-    pub fn circles(&self) -> Vec<Vec<&Path>> {
+    pub fn cycles(&self) -> Vec<Vec<&Path>> {
         let uses: Vec<BTreeSet<usize>> = (self.0.iter().enumerate())
             .map(|(own, module)| {
                 let ends = module
@@ -106,21 +109,21 @@ impl Modules {
             })
             .collect();
         let reached: Vec<BTreeSet<usize>> = (0..self.0.len()).map(|from| reachable(&uses, from)).collect();
-        let mut circles: Vec<Vec<&Path>> = Vec::new();
+        let mut cycles: Vec<Vec<&Path>> = Vec::new();
         let mut seen = BTreeSet::new();
         for one in 0..self.0.len() {
-            let circle: Vec<usize> = (reached[one].iter().copied())
+            let cycle: Vec<usize> = (reached[one].iter().copied())
                 .filter(|&other| reached[other].contains(&one))
                 .collect();
-            if circle.len() > 1 && seen.insert(circle.clone()) {
-                circles.push(circle.iter().map(|&module| self.0[module].file.as_path()).collect());
+            if cycle.len() > 1 && seen.insert(cycle.clone()) {
+                cycles.push(cycle.iter().map(|&module| self.0[module].file.as_path()).collect());
             }
         }
-        circles
+        cycles
     }
 
     /// The items of a cycle's files that the others use, to see where to cut.
-    pub fn uses_within(&self, circle: &[&Path]) -> Vec<(&Path, &Path, String)> {
+    pub fn uses_within(&self, cycle: &[&Path]) -> Vec<(&Path, &Path, String)> {
         let mut found = Vec::new();
         for (own, module) in self.0.iter().enumerate() {
             for (inner, path) in &module.paths {
@@ -128,7 +131,7 @@ impl Modules {
                     continue;
                 };
                 let (from, to) = (module.file.as_path(), self.0[end].file.as_path());
-                if circle.contains(&from) && circle.contains(&to) {
+                if cycle.contains(&from) && cycle.contains(&to) {
                     found.push((from, to, path.join("::")));
                 }
             }
@@ -177,10 +180,10 @@ fn without_tests(tokens: &[Token]) -> Vec<Token> {
     kept
 }
 
-type Named = (Vec<(usize, Vec<String>)>, BTreeMap<String, Vec<String>>);
+type PathsAndExports = (Vec<(usize, Vec<String>)>, BTreeMap<String, Vec<String>>);
 
 /// The paths in a file's code, and the names that its `use` items make available, also to its children.
-fn named(tokens: &[Token]) -> Named {
+fn paths_and_exports(tokens: &[Token]) -> PathsAndExports {
     let (mut paths, mut exports) = (Vec::new(), BTreeMap::new());
     // The end of each inline module.
     let mut inner: Vec<usize> = Vec::new();
@@ -195,7 +198,7 @@ fn named(tokens: &[Token]) -> Named {
             let end = (at..tokens.len())
                 .find(|&end| tokens[end].text == ";")
                 .unwrap_or(tokens.len());
-            for (name, path) in tree(&tokens[at + 1..end]) {
+            for (name, path) in use_paths(&tokens[at + 1..end]) {
                 if inner.is_empty() {
                     exports.insert(name, path.clone());
                 }
@@ -233,7 +236,7 @@ fn is_word(text: &str) -> bool {
 }
 
 /// The names that a `use` introduces, each with its path.
-fn tree(tokens: &[Token]) -> Vec<(String, Vec<String>)> {
+fn use_paths(tokens: &[Token]) -> Vec<(String, Vec<String>)> {
     let mut found = Vec::new();
     let mut prefix: Vec<String> = Vec::new();
     let mut at = 0;
@@ -249,7 +252,7 @@ fn tree(tokens: &[Token]) -> Vec<(String, Vec<String>)> {
                         _ => {}
                     }
                     if here == end || (depth == 0 && tokens[here].text == ",") {
-                        for (name, path) in tree(&tokens[begin..here]) {
+                        for (name, path) in use_paths(&tokens[begin..here]) {
                             found.push((name, [prefix.clone(), path].concat()));
                         }
                         begin = here + 1;

@@ -15,11 +15,11 @@ use lockstep::transport::iceoryx::{
 use lockstep::transport::{Header, Receiver, Recording, Sender};
 use lockstep::wire;
 
-use crate::parts::{Motion, Push};
+use crate::participants::{Motion, Push};
 
 /// Its slot in a run, with the ends of its links.
 pub struct Offender {
-    /// Its part of the plan.
+    /// Its assignment in the plan.
     pub assignment: Assignment,
     /// The destination of its samples.
     pub record: SharedRecord,
@@ -49,14 +49,14 @@ pub fn conforming_reply(request: &Request) -> Reply {
 }
 
 /// Joins the run in the damper's slot; `reply` returns the bytes of each answer, or none to stay silent, and `act` runs after the start.
-pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Offender)) -> ExitCode {
+pub fn run_offender(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Offender)) -> ExitCode {
     let variable = |name| std::env::var(name).expect("started by an orchestrator");
     let (address, name) = (variable(lockstep::host::ADDRESS), variable(lockstep::host::PARTICIPANT));
     let domain = Domain::enter(address.parse().expect("an address"), &name).expect("the run is there");
     let _status = StatusWriter::open(&domain, &name).expect("a status");
     let mut sleeper = Sleeper::open(&domain, &name).expect("an event");
     let control = ControlServer::open(&domain, &name).expect("a control service");
-    let mut nap = || sleeper.sleep(std::time::Duration::from_millis(1)).expect("an event");
+    let mut sleep_briefly = || sleeper.sleep(std::time::Duration::from_millis(1)).expect("an event");
     let mut connected = None;
     while connected.is_none() {
         let served = control.serve_bytes(|bytes| {
@@ -74,7 +74,7 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Of
             })
         });
         if !served.expect("a control service") {
-            nap();
+            sleep_briefly();
         }
     }
     let (assignment, record) = connected.expect("just seen");
@@ -97,11 +97,11 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Of
         domain,
     };
     while offender.clock.horizon() == Ticks::MIN {
-        nap();
+        sleep_briefly();
     }
     act(&mut offender);
     while offender.clock.command() == Command::Run {
-        nap();
+        sleep_briefly();
     }
     ExitCode::SUCCESS
 }
@@ -124,12 +124,12 @@ impl Offender {
     }
 
     /// Executes the plan for activations 0 to `until`.
-    pub fn behave(&mut self, until: u64) {
-        self.behave_from(0, until);
+    pub fn step_until(&mut self, until: u64) {
+        self.step_range(0, until);
     }
 
     /// Executes the plan for activations `from` to `until`.
-    pub fn behave_from(&mut self, from: u64, until: u64) {
+    pub fn step_range(&mut self, from: u64, until: u64) {
         for k in from..until {
             let mut motion = [0; size_of::<Motion>()];
             let mut newest = None;
@@ -140,7 +140,7 @@ impl Offender {
                     .expect("a link")
                     .map(|header| header.index)
                     .or(newest);
-                self.look();
+                self.exit_unless_running();
             }
             self.record(None, self.header(k), &Offender::payload(k));
             self.send(self.header(k), &Offender::payload(k));
@@ -150,12 +150,12 @@ impl Offender {
     /// Reports `event` about itself.
     pub fn event(&mut self, event: &ParticipantEvent) {
         while !self.record.0.borrow_mut().try_append_event(event).expect("a record") {
-            self.look();
+            self.exit_unless_running();
         }
     }
 
     /// Pauses at `horizon` with activation `next` to come, and answers requests with `reply` from then on.
-    pub fn rest(&mut self, horizon: Ticks, next: u64, reply: impl Fn(&Request) -> Option<Vec<u8>>) {
+    pub fn pause_at(&mut self, horizon: Ticks, next: u64, reply: impl Fn(&Request) -> Option<Vec<u8>>) {
         self.event(&ParticipantEvent::AtHorizon { horizon, next });
         loop {
             let served = self.control.serve_bytes(|bytes| {
@@ -163,17 +163,17 @@ impl Offender {
                 reply(&request).expect("an answer")
             });
             served.expect("a control service");
-            self.look();
+            self.exit_unless_running();
         }
     }
 
     /// Opens a second connection to the recorder, replacing the first.
-    pub fn record_anew(&mut self) {
+    pub fn reopen_record(&mut self) {
         self.record = record(&self.domain, &self.name, self.assignment.outputs[0].stream);
     }
 
     /// Opens the recorder connection that belongs to `another`, in addition to its own.
-    pub fn intrude(&self, another: &str) -> RecordSender {
+    pub fn open_record_of(&self, another: &str) -> RecordSender {
         RecordSender::open(&self.domain, another, 0, &[size_of::<Push>()], 1 << 20).expect("a record")
     }
 
@@ -182,7 +182,7 @@ impl Offender {
         let own = self.assignment.outputs[0].stream;
         let stream = stream.unwrap_or(own);
         while !self.record.try_append(stream, header, payload).expect("a record") {
-            self.look();
+            self.exit_unless_running();
         }
         self.record.commit();
     }
@@ -190,11 +190,11 @@ impl Offender {
     /// Sends a sample.
     pub fn send(&mut self, header: Header, payload: &[u8]) {
         while !self.output.try_send(header, payload).expect("a link") {
-            self.look();
+            self.exit_unless_running();
         }
     }
 
-    fn look(&self) {
+    fn exit_unless_running(&self) {
         std::thread::yield_now();
         if self.clock.command() != Command::Run {
             exit(0);

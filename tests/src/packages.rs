@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::fmus::{Recipe, archive};
-use crate::program::{Folder, Said, orchestrate, text};
+use crate::fmus::{TestFmu, zip_archive};
+use crate::program::{Folder, ProgramOutput, run_orchestrator, text};
 
 /// The namespaces of the standard's files.
 pub const SPACES: &str = "xmlns:ssd=\"http://ssp-standard.org/SSP1/SystemStructureDescription\" \
@@ -26,7 +26,7 @@ pub fn package(folder: &Folder, description: &str, files: &[(&str, Vec<u8>)]) ->
     let mut entries = vec![("SystemStructure.ssd", description.as_bytes().to_vec())];
     entries.extend_from_slice(files);
     let path = folder.path().join("system.ssp");
-    std::fs::write(&path, archive(&entries)).expect("the folder can be written");
+    std::fs::write(&path, zip_archive(&entries)).expect("the folder can be written");
     path
 }
 
@@ -43,20 +43,20 @@ pub fn read(path: &Path) -> Vec<u8> {
 /// # Panics
 /// When there is no C compiler.
 pub fn pair(folder: &Folder) -> (Vec<u8>, Vec<u8>) {
-    let damper = Recipe {
+    let damper = TestFmu {
         damper: true,
-        ..Recipe::new(3)
+        ..TestFmu::new(3)
     };
     (
-        read(&Recipe::new(2).build(folder, "spring")),
+        read(&TestFmu::new(2).build(folder, "spring")),
         read(&damper.build(folder, "damper")),
     )
 }
 
 /// Imports a package into the folder `imported`.
-pub fn import(folder: &Folder, package: &Path, rest: &[&str]) -> Said {
+pub fn import(folder: &Folder, package: &Path, rest: &[&str]) -> ProgramOutput {
     let out = folder.path().join("imported");
-    orchestrate(&[&["import", text(package), "--out", text(&out)], rest].concat())
+    run_orchestrator(&[&["import", text(package), "--out", text(&out)], rest].concat())
 }
 
 /// Two units and an experiment, for the end of a description.
@@ -72,7 +72,7 @@ pub const NESTED_REST: &str = r#"<ssd:Units>
 /// When they are not.
 pub fn is_what_is_written_by_hand(folder: &Folder, by_hand: &str) {
     let imported = folder.path().join("imported/scenario.toml");
-    let checked = orchestrate(&["check", text(&imported)]);
+    let checked = run_orchestrator(&["check", text(&imported)]);
     assert_eq!(checked.code, Some(0), "{checked:?}");
     let by_hand = folder.write("imported/by-hand.toml", by_hand);
     let runs = [
@@ -83,10 +83,10 @@ pub fn is_what_is_written_by_hand(folder: &Folder, by_hand: &str) {
     let expected = folder.path().join("expected");
     for (name, scenario, way) in runs {
         let out = folder.path().join(name);
-        let said = orchestrate(&[&["run", text(scenario), "--out", text(&out), "--quiet"], way].concat());
-        assert_eq!(said.code, Some(0), "{said:?}");
-        let said = orchestrate(&["compare", text(&expected), text(&out)]);
+        let output = run_orchestrator(&[&["run", text(scenario), "--out", text(&out), "--quiet"], way].concat());
+        assert_eq!(output.code, Some(0), "{output:?}");
+        let output = run_orchestrator(&["compare", text(&expected), text(&out)]);
         let scenario = String::from_utf8_lossy(&read(&imported)).into_owned();
-        assert_eq!(said.code, Some(0), "{name}: {said:?}\n{scenario}");
+        assert_eq!(output.code, Some(0), "{name}: {output:?}\n{scenario}");
     }
 }

@@ -6,21 +6,21 @@ use std::time::Duration;
 
 /// The address of a page.
 #[derive(Debug, Clone)]
-pub struct Page {
+pub struct LivePage {
     /// Address and port.
     pub host: String,
     /// The path, with the secret of the run.
     pub path: String,
 }
 
-impl Page {
-    /// The page announced by the orchestrator in `said`.
-    pub fn of(said: &str) -> Option<Page> {
-        let url = said
+impl LivePage {
+    /// The page announced by the orchestrator in `stderr`.
+    pub fn announced_in(stderr: &str) -> Option<LivePage> {
+        let url = stderr
             .lines()
             .find_map(|line| line.trim().strip_prefix("live: http://"))?;
         let (host, path) = url.split_once('/')?;
-        Some(Page {
+        Some(LivePage {
             host: host.to_owned(),
             path: format!("/{path}"),
         })
@@ -30,7 +30,7 @@ impl Page {
     ///
     /// # Errors
     /// When the server has ended, or does not answer.
-    pub fn try_ask(&self, request: &str) -> io::Result<(u16, String)> {
+    pub fn try_request(&self, request: &str) -> io::Result<(u16, String)> {
         let request = request.replace("{host}", &self.host).replace("{path}", &self.path);
         let request = request.replace("{origin}", &format!("http://{}", self.host));
         let mut stream = self.connect()?;
@@ -56,10 +56,10 @@ impl Page {
     /// A command, such as `{"do": "pause"}`, as the page sends it.
     ///
     /// # Errors
-    /// As of [`Page::try_ask`].
+    /// As of [`LivePage::try_request`].
     pub fn try_command(&self, body: &str) -> io::Result<(u16, String)> {
         let length = body.len();
-        self.try_ask(&format!(
+        self.try_request(&format!(
             "POST {{path}}control HTTP/1.1\nHost: {{host}}\nOrigin: {{origin}}\nContent-Type: application/json\n\
              Content-Length: {length}\n\n{body}"
         ))

@@ -152,7 +152,7 @@ impl Drop for Folder {
 
 /// The output of a finished program.
 #[derive(Debug)]
-pub struct Said {
+pub struct ProgramOutput {
     /// The exit code; `None` when a signal ended it.
     pub code: Option<i32>,
     /// Standard output.
@@ -161,9 +161,9 @@ pub struct Said {
     pub err: String,
 }
 
-impl From<Output> for Said {
-    fn from(output: Output) -> Said {
-        Said {
+impl From<Output> for ProgramOutput {
+    fn from(output: Output) -> ProgramOutput {
+        ProgramOutput {
             code: output.status.code(),
             out: String::from_utf8_lossy(&output.stdout).into_owned(),
             err: String::from_utf8_lossy(&output.stderr).into_owned(),
@@ -171,41 +171,41 @@ impl From<Output> for Said {
     }
 }
 
-impl Said {
+impl ProgramOutput {
     /// Standard output as JSON.
     pub fn json(&self) -> serde_json::Value {
         serde_json::from_str(&self.out).unwrap_or_else(|error| panic!("{error}: {self:?}"))
     }
 }
 
-/// Checks that `said` is an error message with all of `parts` and with none of `without`.
-pub fn refused(said: &Said, parts: &[&str], without: &[&str]) {
-    assert_eq!(said.code, Some(2), "{said:?}");
+/// Checks that `output` is an error message with all of `parts` and with none of `without`.
+pub fn assert_refused(output: &ProgramOutput, parts: &[&str], without: &[&str]) {
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in parts {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
     for part in without {
-        assert!(!said.err.contains(part), "`{part}` is in: {}", said.err);
+        assert!(!output.err.contains(part), "`{part}` is in: {}", output.err);
     }
 }
 
 /// Runs `orchestrator` with `arguments` to its end. A test that hangs is ended after two minutes.
-pub fn orchestrate(arguments: &[&str]) -> Said {
-    finish(start(arguments))
+pub fn run_orchestrator(arguments: &[&str]) -> ProgramOutput {
+    wait_for_output(start_orchestrator(arguments))
 }
 
 /// Starts `orchestrator` with `arguments`.
-pub fn start(arguments: &[&str]) -> Child {
-    begin(orchestrator(), arguments)
+pub fn start_orchestrator(arguments: &[&str]) -> Child {
+    start_program(orchestrator(), arguments)
 }
 
-/// Runs `program` with `arguments` to its end, as [`orchestrate`] does.
-pub fn call(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Said {
-    finish(begin(program, arguments))
+/// Runs `program` with `arguments` to its end, as [`run_orchestrator`] does.
+pub fn run_program(program: &Path, arguments: &[impl AsRef<OsStr>]) -> ProgramOutput {
+    wait_for_output(start_program(program, arguments))
 }
 
 /// Starts `program` with `arguments`.
-pub fn begin(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Child {
+pub fn start_program(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Child {
     let mut command = Command::new(program);
     command
         .args(arguments)
@@ -217,7 +217,7 @@ pub fn begin(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Child {
 }
 
 /// Waits for the end of a started program, and reads its output meanwhile: a full pipe would block it.
-pub fn finish(mut child: Child) -> Said {
+pub fn wait_for_output(mut child: Child) -> ProgramOutput {
     let started = Instant::now();
     let out = child.stdout.take().map(drain);
     let err = child.stderr.take().map(drain);
@@ -234,9 +234,9 @@ pub fn finish(mut child: Child) -> Said {
     };
     let text = |from: Option<JoinHandle<Vec<u8>>>| from.map_or(Vec::new(), |from| from.join().unwrap_or_default());
     let (stdout, stderr) = (text(out), text(err));
-    let said = Said::from(Output { status, stdout, stderr });
-    assert!(!hangs, "hangs: {said:?}");
-    said
+    let output = ProgramOutput::from(Output { status, stdout, stderr });
+    assert!(!hangs, "hangs: {output:?}");
+    output
 }
 
 /// Reads to the end, in parallel with the wait.

@@ -24,7 +24,7 @@ pub fn samples(run: &Path) -> BTreeMap<String, BTreeMap<u64, Vec<u8>>> {
 }
 
 /// Options that keep a part of a stock capture's tape.
-pub const PARTS: [&str; 8] = [
+pub const PARTIAL_RECORD: [&str; 8] = [
     "--set",
     "record.plant.truth=false",
     "--set",

@@ -21,7 +21,7 @@ pub struct Line {
 
 /// The position of a line.
 #[derive(Clone, Copy, PartialEq)]
-enum Part {
+enum LineKind {
     Shipped,
     /// The line `#[cfg(test)]`, or another attribute below it.
     Marked,
@@ -59,18 +59,18 @@ pub fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
 pub fn lines(path: &Path) -> Vec<Line> {
     let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let shown = path.strip_prefix(root()).unwrap_or(path).display().to_string();
-    let mut part = Part::Shipped;
+    let mut kind = LineKind::Shipped;
     let numbered = text.lines().enumerate().map(|(number, whole)| {
-        part = match part {
-            Part::Shipped | Part::Single if whole == "#[cfg(test)]" => Part::Marked,
-            Part::Marked if whole.starts_with('#') => Part::Marked,
-            Part::Marked if whole.ends_with('{') => Part::Test,
-            Part::Marked => Part::Single,
-            Part::Test if whole == "}" => Part::Single,
-            Part::Single => Part::Shipped,
+        kind = match kind {
+            LineKind::Shipped | LineKind::Single if whole == "#[cfg(test)]" => LineKind::Marked,
+            LineKind::Marked if whole.starts_with('#') => LineKind::Marked,
+            LineKind::Marked if whole.ends_with('{') => LineKind::Test,
+            LineKind::Marked => LineKind::Single,
+            LineKind::Test if whole == "}" => LineKind::Single,
+            LineKind::Single => LineKind::Shipped,
             other => other,
         };
-        let test = part != Part::Shipped;
+        let test = kind != LineKind::Shipped;
         // Two slashes after a colon are part of an address, not a comment.
         let comment = whole.match_indices("//").find(|&(at, _)| !whole[..at].ends_with(':'));
         Line {
@@ -85,7 +85,7 @@ pub fn lines(path: &Path) -> Vec<Line> {
 }
 
 /// The lines of the sources that a package ships.
-pub fn shipped(package: &Package) -> Vec<Line> {
+pub fn shipped_lines(package: &Package) -> Vec<Line> {
     files(&package.folder.join("src"), ".rs")
         .iter()
         .flat_map(|path| lines(path))
@@ -101,7 +101,7 @@ pub fn sources() -> Vec<PathBuf> {
 ///
 /// # Panics
 /// When there is a finding.
-pub fn none(rule: &str, found: impl IntoIterator<Item = (Line, String)>) {
+pub fn assert_none(rule: &str, found: impl IntoIterator<Item = (Line, String)>) {
     let found: Vec<String> = found
         .into_iter()
         .map(|(line, what)| format!("  {}:{}: {what}: {}", line.path, line.number, line.whole.trim()))
@@ -110,7 +110,7 @@ pub fn none(rule: &str, found: impl IntoIterator<Item = (Line, String)>) {
 }
 
 /// The words of `words` that occur in `text` as whole words, in any case.
-pub fn says<'a>(text: &str, words: &[&'a str]) -> Option<&'a str> {
+pub fn find_word<'a>(text: &str, words: &[&'a str]) -> Option<&'a str> {
     let lower = text.to_lowercase();
     let parts: Vec<&str> = lower.split(|c: char| !c.is_ascii_alphanumeric()).collect();
     // A plural is the same word.

@@ -8,7 +8,7 @@ use crate::program::root;
 
 /// The workspace packages that each library and each program may link. A package that is not listed (programs at the top, tests, examples,
 /// benches) may link anything, and no package may link it.
-pub const ARROWS: [(&str, &[&str]); 26] = [
+pub const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 26] = [
     ("allocation", &[]),
     ("exit-guard", &[]),
     ("lockstep", &[]),
@@ -105,13 +105,13 @@ pub struct Package {
 pub fn packages() -> &'static [Package] {
     static READ: OnceLock<Vec<Package>> = OnceLock::new();
     READ.get_or_init(|| {
-        let said = Command::new(env!("CARGO"))
+        let output = Command::new(env!("CARGO"))
             .current_dir(root())
             .args(["metadata", "--format-version", "1", "--offline", "--no-deps"])
             .output()
             .expect("cargo can be started");
-        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
-        let all: serde_json::Value = serde_json::from_slice(&said.stdout).expect("cargo metadata gives JSON");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let all: serde_json::Value = serde_json::from_slice(&output.stdout).expect("cargo metadata gives JSON");
         let list = |value: &serde_json::Value| value.as_array().cloned().unwrap_or_default();
         let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
         list(&all["packages"])

@@ -3,8 +3,8 @@
 use std::fs;
 use std::time::{Duration, Instant};
 
-use escapement_tests::machine::signal;
-use escapement_tests::program::{finish, start};
+use escapement_tests::machine::send_signal;
+use escapement_tests::program::{start_orchestrator, wait_for_output};
 use rustix::process::Signal;
 
 /// The child of `parent` that was started with the argument `argument`.
@@ -18,18 +18,18 @@ fn child_with(parent: u32, argument: &str) -> Option<u32> {
 }
 
 #[test]
-fn bench_ends_with_a_reason_when_its_far_end_dies() {
-    let bench = start(&["bench", "--rounds", "1", "--participants", "2", "--deaths", "0"]);
+fn bench_ends_with_a_reason_when_its_child_dies() {
+    let bench = start_orchestrator(&["bench", "--rounds", "1", "--participants", "2", "--deaths", "0"]);
     let started = Instant::now();
-    let far = loop {
+    let bench_child = loop {
         match child_with(bench.id(), "bench-pong") {
             Some(pid) => break pid,
             None => assert!(started.elapsed() < Duration::from_secs(100), "there is no far end"),
         }
         std::thread::sleep(Duration::from_millis(1));
     };
-    assert!(signal(far, Signal::KILL));
-    let said = finish(bench);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("its far end was ended by signal 9"), "{said:?}");
+    assert!(send_signal(bench_child, Signal::KILL));
+    let output = wait_for_output(bench);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.err.contains("its far end was ended by signal 9"), "{output:?}");
 }

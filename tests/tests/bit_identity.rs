@@ -3,42 +3,42 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, text};
-use escapement_tests::world::oscillator;
+use escapement_tests::fixture::write_oscillator;
+use escapement_tests::program::{Folder, ProgramOutput, orchestrator, root, run_orchestrator, text, wait_for_output};
 
 fn digest(scenario: &Path, out: &Path, more: &[&str]) -> String {
     let mut arguments = vec!["run", text(scenario), "--out", text(out), "--json"];
     arguments.extend(more);
-    let said = orchestrate(&arguments);
-    assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
-    said.json()["tape_digest"].as_str().expect("a digest").to_owned()
+    let output = run_orchestrator(&arguments);
+    assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
+    output.json()["tape_digest"].as_str().expect("a digest").to_owned()
 }
 
-fn with<'a>(common: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
+fn join<'a>(common: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
     [common, more].concat()
 }
 
-fn variants(scenario: &Path, folder: &Folder, common: &[&str], also_in_process: bool) {
+fn assert_variants_have_one_tape(scenario: &Path, folder: &Folder, common: &[&str], also_in_process: bool) {
     let out = |name: &str| folder.path().join(name);
     let first = digest(scenario, &out("first"), common);
     let mut variants: Vec<(&str, Vec<&str>)> = vec![
-        ("again", with(common, &[])),
-        ("spin", with(common, &["--wait", "spin"])),
-        ("yield", with(common, &["--wait", "yield"])),
-        ("sleep", with(common, &["--wait", "sleep"])),
-        ("free", with(common, &["--no-placement"])),
+        ("again", join(common, &[])),
+        ("spin", join(common, &["--wait", "spin"])),
+        ("yield", join(common, &["--wait", "yield"])),
+        ("sleep", join(common, &["--wait", "sleep"])),
+        ("free", join(common, &["--no-placement"])),
     ];
     if also_in_process {
-        variants.push(("in-process", with(common, &["--in-process"])));
+        variants.push(("in-process", join(common, &["--in-process"])));
     }
     for (name, arguments) in variants {
         assert_eq!(digest(scenario, &out(name), &arguments), first, "{name}");
     }
     // There is no core for each participant that would spin: the run reports this, and waits in another way.
-    let one = on_one_core(scenario, &out("one"), &with(common, &["--wait", "spin"]));
+    let one = on_one_core(scenario, &out("one"), &join(common, &["--wait", "spin"]));
     assert_eq!(one.json()["tape_digest"], first.as_str(), "one core");
     assert!(one.err.contains("--wait spin needs a core for each"), "{one:?}");
-    let mut busy = burn();
+    let mut busy = start_load();
     assert_eq!(digest(scenario, &out("loaded"), common), first, "a loaded machine");
     for child in &mut busy {
         let _ = child.kill();
@@ -46,7 +46,7 @@ fn variants(scenario: &Path, folder: &Folder, common: &[&str], also_in_process: 
     }
 }
 
-fn on_one_core(scenario: &Path, out: &Path, common: &[&str]) -> Said {
+fn on_one_core(scenario: &Path, out: &Path, common: &[&str]) -> ProgramOutput {
     let mut command = Command::new("taskset");
     command
         .args(["-c", "0"])
@@ -58,11 +58,11 @@ fn on_one_core(scenario: &Path, out: &Path, common: &[&str]) -> Said {
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
-    finish(command.spawn().expect("taskset is there"))
+    wait_for_output(command.spawn().expect("taskset is there"))
 }
 
 /// A load on every core.
-fn burn() -> Vec<std::process::Child> {
+fn start_load() -> Vec<std::process::Child> {
     let spin = || {
         Command::new("sh")
             .args(["-c", "while :; do :; done"])
@@ -73,16 +73,16 @@ fn burn() -> Vec<std::process::Child> {
 }
 
 #[test]
-fn a_small_loop_of_programs() {
+fn small_loop_has_one_tape() {
     let folder = Folder::new("bits");
-    let scenario = oscillator(&folder, "damper");
-    variants(&scenario, &folder, &["--duration", "300 ms"], false);
+    let scenario = write_oscillator(&folder, "damper");
+    assert_variants_have_one_tape(&scenario, &folder, &["--duration", "300 ms"], false);
 }
 
 #[test]
-fn delays_jitter_and_drops_too() {
+fn disrupted_loop_has_one_tape() {
     let folder = Folder::new("jitter");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let common = [
         "--duration",
         "300 ms",
@@ -99,7 +99,7 @@ fn delays_jitter_and_drops_too() {
         "--seed",
         "7",
     ];
-    variants(&scenario, &folder, &common, false);
+    assert_variants_have_one_tape(&scenario, &folder, &common, false);
 }
 
 fn stock(name: &str) -> PathBuf {
@@ -107,8 +107,8 @@ fn stock(name: &str) -> PathBuf {
 }
 
 #[test]
-fn the_close_capture() {
-    variants(
+fn close_capture_has_one_tape() {
+    assert_variants_have_one_tape(
         &stock("close.toml"),
         &Folder::new("close"),
         &["--duration", "2 s"],
@@ -117,20 +117,20 @@ fn the_close_capture() {
 }
 
 #[test]
-fn the_whole_close_capture_in_processes_and_in_one() {
+fn complete_close_capture_has_one_tape_in_both_ways() {
     let folder = Folder::new("whole");
     let processes = digest(&stock("close.toml"), &folder.path().join("processes"), &[]);
     let one = digest(&stock("close.toml"), &folder.path().join("one"), &["--in-process"]);
     assert_eq!(processes, one);
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "compare",
         text(&folder.path().join("processes")),
         text(&folder.path().join("one")),
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 #[test]
-fn the_far_capture() {
-    variants(&stock("far.toml"), &Folder::new("far"), &["--duration", "1 s"], true);
+fn far_capture_has_one_tape() {
+    assert_variants_have_one_tape(&stock("far.toml"), &Folder::new("far"), &["--duration", "1 s"], true);
 }

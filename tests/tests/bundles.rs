@@ -3,9 +3,11 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use escapement_tests::program::{Folder, Said, built, built_as_shipped, finish, orchestrate, orchestrator, root, text};
+use escapement_tests::program::{
+    Folder, ProgramOutput, built, built_as_shipped, orchestrator, root, run_orchestrator, text, wait_for_output,
+};
 
-fn call(program: &Path, folder: &Path, arguments: &[&str]) -> Said {
+fn run_in_folder(program: &Path, folder: &Path, arguments: &[&str]) -> ProgramOutput {
     let child = Command::new(program)
         .args(arguments)
         .current_dir(folder)
@@ -13,10 +15,10 @@ fn call(program: &Path, folder: &Path, arguments: &[&str]) -> Said {
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn();
-    finish(child.expect("the program can be started"))
+    wait_for_output(child.expect("the program can be started"))
 }
 
-fn same(a: &Path, b: &Path) {
+fn assert_same_tables(a: &Path, b: &Path) {
     for file in ["table.csv", "table.parquet", "figure.svg", "figure.png"] {
         let read = |folder: &Path| std::fs::read(folder.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"));
         assert!(read(a) == read(b), "{file} differs");
@@ -39,11 +41,11 @@ fn bundle_that_is_moved_gives_the_same_table() {
     ];
     for (name, campaign, code) in [("close", &close[..], Some(1)), ("spring", &spring[..], Some(0))] {
         let one = out(&format!("{name}-one"));
-        let said = orchestrate(&[&["sweep"], campaign, &["--quiet", "--out", text(&one)]].concat());
-        assert_eq!(said.code, code, "{said:?}");
+        let output = run_orchestrator(&[&["sweep"], campaign, &["--quiet", "--out", text(&one)]].concat());
+        assert_eq!(output.code, code, "{output:?}");
         let bundle = out(&format!("{name}-bundle"));
-        let said = orchestrate(&[&["sweep"], campaign, &["--bundle", text(&bundle)]].concat());
-        assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
+        let output = run_orchestrator(&[&["sweep"], campaign, &["--bundle", text(&bundle)]].concat());
+        assert_eq!((output.code, output.err.as_str()), (Some(0), ""), "{output:?}");
         // In another place, by the program in the bundle.
         let elsewhere = out(&format!("{name}-elsewhere/deep"));
         std::fs::create_dir_all(elsewhere.parent().unwrap()).unwrap();
@@ -62,12 +64,12 @@ fn bundle_that_is_moved_gives_the_same_table() {
                 "--out",
                 text(&place),
             ];
-            let said = call(&program, folder.path(), &arguments);
-            assert_ne!(said.code, Some(2), "{said:?}");
+            let output = run_in_folder(&program, folder.path(), &arguments);
+            assert_ne!(output.code, Some(2), "{output:?}");
             shards.push(place);
         }
         let whole = out(&format!("{name}-whole"));
-        let said = orchestrate(&[
+        let output = run_orchestrator(&[
             "sweep",
             "merge",
             text(&whole),
@@ -75,11 +77,11 @@ fn bundle_that_is_moved_gives_the_same_table() {
             text(&shards[1]),
             "--quiet",
         ]);
-        assert_eq!(said.code, code, "{said:?}");
-        same(&whole, &one);
+        assert_eq!(output.code, code, "{output:?}");
+        assert_same_tables(&whole, &one);
         // The program outside is the same as the one inside, and a shard of the scenario itself is a shard of the bundle.
         let direct = out(&format!("{name}-direct"));
-        let said = orchestrate(
+        let output = run_orchestrator(
             &[
                 &["sweep"],
                 campaign,
@@ -87,9 +89,9 @@ fn bundle_that_is_moved_gives_the_same_table() {
             ]
             .concat(),
         );
-        assert_eq!(said.code, code, "{said:?}");
+        assert_eq!(output.code, code, "{output:?}");
         let mixed = out(&format!("{name}-mixed"));
-        let said = orchestrate(&[
+        let output = run_orchestrator(&[
             "sweep",
             "merge",
             text(&mixed),
@@ -97,13 +99,13 @@ fn bundle_that_is_moved_gives_the_same_table() {
             text(&direct),
             "--quiet",
         ]);
-        assert_eq!(said.code, code, "{said:?}");
-        same(&mixed, &one);
+        assert_eq!(output.code, code, "{output:?}");
+        assert_same_tables(&mixed, &one);
     }
 }
 
 #[test]
-fn bundle_brings_in_what_lies_outside_and_says_what_it_lacks() {
+fn bundle_includes_outside_files_and_lists_missing_ones() {
     let folder = Folder::new("outside");
     let out = |name: &str| folder.path().join(name);
     let python = folder.write("model.py", "print('no model')\n");
@@ -113,27 +115,27 @@ fn bundle_brings_in_what_lies_outside_and_says_what_it_lacks() {
     std::fs::write(out("in/here/own.toml"), &stock).unwrap();
     let own = out("in/here/own.toml");
     let campaign = [text(&own), "--duration", "200 ms", "--vary", "seed=1,2"];
-    let said = orchestrate(&[&["sweep"], &campaign[..], &["--quiet", "--out", text(&out("one"))]].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&[&["sweep"], &campaign[..], &["--quiet", "--out", text(&out("one"))]].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
     let bundle = out("bundle");
     let include = ["--bundle", text(&bundle), "--include", text(&python)];
-    let said = orchestrate(&[&["sweep"], &campaign[..], &include].concat());
-    assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
+    let output = run_orchestrator(&[&["sweep"], &campaign[..], &include].concat());
+    assert_eq!((output.code, output.err.as_str()), (Some(0), ""), "{output:?}");
     // No path of the bundle leads out of it, and it contains what was requested.
     let text_of = std::fs::read_to_string(bundle.join("campaign.json")).unwrap();
     assert!(text_of.contains("outside/1/"), "{text_of}");
     assert!(!text_of.contains(&format!("\"{}", root().display())), "{text_of}");
     assert!(bundle.join("tree/model.py").is_file());
-    let said = call(
+    let output = run_in_folder(
         &bundle.join("bin/escapement"),
         folder.path(),
         &["sweep", "run", "bundle", "--quiet", "--out", "two"],
     );
-    assert_eq!(said.code, Some(0), "{said:?}");
-    same(&out("one"), &out("two"));
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert_same_tables(&out("one"), &out("two"));
 
     // Programs of the machine are not bundled, and the command reports this.
-    let scenario = escapement_tests::world::oscillator(&folder, "damper");
+    let scenario = escapement_tests::fixture::write_oscillator(&folder, "damper");
     let second = out("second");
     let arguments = [
         "sweep",
@@ -143,10 +145,13 @@ fn bundle_brings_in_what_lies_outside_and_says_what_it_lacks() {
         "--bundle",
         text(&second),
     ];
-    let said = orchestrate(&arguments);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert_eq!(said.err.matches("warning: participants.").count(), 2, "{said:?}");
-    assert!(said.err.contains("every machine must have the same one"), "{said:?}");
+    let output = run_orchestrator(&arguments);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert_eq!(output.err.matches("warning: participants.").count(), 2, "{output:?}");
+    assert!(
+        output.err.contains("every machine must have the same one"),
+        "{output:?}"
+    );
 
     // A changed bundle no longer matches its description.
     std::fs::write(
@@ -155,13 +160,16 @@ fn bundle_brings_in_what_lies_outside_and_says_what_it_lacks() {
     )
     .unwrap();
     let arguments = ["sweep", "run", "bundle", "--quiet", "--out", "three"];
-    let said = call(&bundle.join("bin/escapement"), folder.path(), &arguments);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("is not what the campaign was made of"), "{said:?}");
+    let output = run_in_folder(&bundle.join("bin/escapement"), folder.path(), &arguments);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(
+        output.err.contains("is not what the campaign was made of"),
+        "{output:?}"
+    );
     // A folder with other content is left unchanged.
-    let said = orchestrate(&[&["sweep"], &campaign[..], &["--bundle", text(&root().join("docs"))]].concat());
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("no bundle"), "{said:?}");
+    let output = run_orchestrator(&[&["sweep"], &campaign[..], &["--bundle", text(&root().join("docs"))]].concat());
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("no bundle"), "{output:?}");
 }
 
 #[test]
@@ -180,36 +188,36 @@ fn shell_gets_a_line_for_each_shard_that_is_missing() {
     ];
     let one = out("one");
     // Second runs are compared by their tapes.
-    let said = orchestrate(&[&campaign[..], &[text(&one), "--digest"]].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&[&campaign[..], &[text(&one), "--digest"]].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
     let whole = out("whole with a 'quote'");
-    let on = |more: &[&str]| orchestrate(&[&campaign[..], &[text(&whole), "--on", "shell"], more].concat());
-    let said = on(&["--shards", "3", "--audit", "20%"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let lines: Vec<String> = said.out.lines().map(str::to_owned).collect();
-    assert_eq!(lines.len(), 3, "{said:?}");
-    let shell = |line: &str| call(Path::new("/bin/sh"), Path::new("/"), &["-c", line]);
+    let on = |more: &[&str]| run_orchestrator(&[&campaign[..], &[text(&whole), "--on", "shell"], more].concat());
+    let output = on(&["--shards", "3", "--audit", "20%"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let lines: Vec<String> = output.out.lines().map(str::to_owned).collect();
+    assert_eq!(lines.len(), 3, "{output:?}");
+    let shell = |line: &str| run_in_folder(Path::new("/bin/sh"), Path::new("/"), &["-c", line]);
     assert_eq!(shell(&lines[1]).code, Some(0));
-    let status = orchestrate(&["sweep", "status", text(&whole)]);
+    let status = run_orchestrator(&["sweep", "status", text(&whole)]);
     assert_eq!(status.code, Some(1), "{status:?}");
     assert!(status.out.contains("shard 1/3  not started"), "{status:?}");
     // A complete shard is not run again.
-    let said = on(&["--audit", "20%"]);
+    let output = on(&["--audit", "20%"]);
     assert_eq!(
-        said.out.lines().collect::<Vec<_>>(),
+        output.out.lines().collect::<Vec<_>>(),
         [&*lines[0], &*lines[2]],
-        "{said:?}"
+        "{output:?}"
     );
     for line in [&lines[0], &lines[2], &lines[2]] {
-        let said = shell(line);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = shell(line);
+        assert_eq!(output.code, Some(0), "{output:?}");
     }
-    let said = on(&["--audit", "20%"]);
-    assert_eq!((said.code, said.out.as_str()), (Some(0), ""), "{said:?}");
-    same(&whole, &one);
-    assert_eq!(orchestrate(&["sweep", "status", text(&whole)]).code, Some(0));
-    let said = on(&["--shards", "4"]);
-    assert!(said.err.contains("has 3 shards on shell"), "{said:?}");
+    let output = on(&["--audit", "20%"]);
+    assert_eq!((output.code, output.out.as_str()), (Some(0), ""), "{output:?}");
+    assert_same_tables(&whole, &one);
+    assert_eq!(run_orchestrator(&["sweep", "status", text(&whole)]).code, Some(0));
+    let output = on(&["--shards", "4"]);
+    assert!(output.err.contains("has 3 shards on shell"), "{output:?}");
     // Engines that do not exist.
     let nowhere = |engine: &str| {
         let child = Command::new(orchestrator())
@@ -219,23 +227,23 @@ fn shell_gets_a_line_for_each_shard_that_is_missing() {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn();
-        finish(child.expect("the program can be started"))
+        wait_for_output(child.expect("the program can be started"))
     };
     for (engine, part) in [
         ("slurm", "Slurm's commands in PATH"),
         ("hyperqueue", "pip install hyperqueue"),
     ] {
-        let said = nowhere(engine);
-        assert_eq!(said.code, Some(1), "{said:?}");
-        assert_eq!(said.err.matches("error:").count(), 1, "{said:?}");
-        assert!(said.err.contains(part), "{said:?}");
+        let output = nowhere(engine);
+        assert_eq!(output.code, Some(1), "{output:?}");
+        assert_eq!(output.err.matches("error:").count(), 1, "{output:?}");
+        assert!(output.err.contains(part), "{output:?}");
     }
-    let said = on(&["--on", "pbs"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = on(&["--on", "pbs"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
 }
 
 #[test]
-fn an_engine_gets_points_until_enough_is_known() {
+fn engine_gets_points_until_the_stopping_rule_holds() {
     // The second system has a separate program.
     for (program, scenario) in [
         (orchestrator().to_owned(), "examples/spring/spring.toml"),
@@ -252,32 +260,32 @@ fn an_engine_gets_points_until_enough_is_known() {
             "--until",
             "met within 1 %",
         ];
-        let sweep = |more: &[&str]| call(&program, &root(), &[&campaign[..], more].concat());
+        let sweep = |more: &[&str]| run_in_folder(&program, &root(), &[&campaign[..], more].concat());
         // A share of none or all has that interval at 189 points (Wilson's): more than the engine gets at first, fewer than there are.
         let seeds = ["--seeds", "400"];
-        let said = sweep(&[&seeds[..], &["--out", text(&one)]].concat());
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = sweep(&[&seeds[..], &["--out", text(&one)]].concat());
+        assert_eq!(output.code, Some(0), "{output:?}");
         let on = |more: &[&str]| sweep(&[more, &["--on", "shell", "--shards", "2", "--out", text(&whole)]].concat());
         let mut rounds = 0;
         loop {
-            let said = on(&seeds);
-            assert_eq!(said.code, Some(0), "{said:?}");
-            if said.out.is_empty() {
+            let output = on(&seeds);
+            assert_eq!(output.code, Some(0), "{output:?}");
+            if output.out.is_empty() {
                 break;
             }
             rounds += 1;
-            for line in said.out.lines() {
-                let said = call(Path::new("/bin/sh"), Path::new("/"), &["-c", line]);
-                assert_eq!(said.code, Some(0), "{said:?}");
+            for line in output.out.lines() {
+                let output = run_in_folder(Path::new("/bin/sh"), Path::new("/"), &["-c", line]);
+                assert_eq!(output.code, Some(0), "{output:?}");
             }
         }
         assert_eq!(rounds, 2, "128 points, then 256");
-        same(&whole, &one);
+        assert_same_tables(&whole, &one);
         let table = std::fs::read_to_string(whole.join("table.csv")).unwrap();
         assert_eq!(table.lines().count(), 190, "{table}");
         // The first points of a grid are not those of a smaller one.
-        let said = on(&["--vary", "seed=1,2"]);
-        assert_eq!(said.code, Some(1), "{said:?}");
-        assert!(said.err.contains("--until gives a campaign in parts"), "{said:?}");
+        let output = on(&["--vary", "seed=1,2"]);
+        assert_eq!(output.code, Some(1), "{output:?}");
+        assert!(output.err.contains("--until gives a campaign in parts"), "{output:?}");
     }
 }

@@ -1,9 +1,9 @@
-//! What stands in a campaign's folder is trusted only as far as it is whole, and what is missing is reported.
+//! Damaged and incomplete campaign folders: damaged points are rejected, and missing ones are reported.
 
 use std::path::{Path, PathBuf};
 
-use escapement_tests::program::{Folder, Said, orchestrate, text};
-use escapement_tests::world::springs;
+use escapement_tests::fixture::write_springs;
+use escapement_tests::program::{Folder, ProgramOutput, run_orchestrator, text};
 
 const CAMPAIGN: &str = r#"scenario = "springs.toml"
 points = 6
@@ -16,26 +16,26 @@ to = "2 kg"
 "#;
 
 /// Writes the campaign with its scenario; returns the campaign file.
-fn campaign(folder: &Folder) -> PathBuf {
-    springs(folder);
+fn write_campaign(folder: &Folder) -> PathBuf {
+    write_springs(folder);
     folder.write("campaign.toml", CAMPAIGN)
 }
 
-fn sweep(file: &Path, out: &Path, more: &[&str]) -> Said {
-    orchestrate(&[&["sweep", text(file), "--quiet", "--out", text(out)], more].concat())
+fn sweep(file: &Path, out: &Path, more: &[&str]) -> ProgramOutput {
+    run_orchestrator(&[&["sweep", text(file), "--quiet", "--out", text(out)], more].concat())
 }
 
-/// Checks that `said` is one error with all of `parts`.
-fn refused(said: &Said, parts: &[&str]) {
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert_eq!(said.err.matches("error:").count(), 1, "{said:?}");
+/// Checks that `output` is one error with all of `parts`.
+fn assert_refused(output: &ProgramOutput, parts: &[&str]) {
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert_eq!(output.err.matches("error:").count(), 1, "{output:?}");
     for part in parts {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
 }
 
-/// Replaces the file `name` in `folder` by what `change` makes of its lines.
-fn edit(folder: &Path, name: &str, change: impl FnOnce(&mut Vec<String>)) {
+/// Replaces the file `name` in `folder` by the result of `change` on its lines.
+fn edit_lines(folder: &Path, name: &str, change: impl FnOnce(&mut Vec<String>)) {
     let path = folder.join(name);
     let mut lines: Vec<String> = std::fs::read_to_string(&path)
         .unwrap()
@@ -47,10 +47,10 @@ fn edit(folder: &Path, name: &str, change: impl FnOnce(&mut Vec<String>)) {
 }
 
 #[test]
-fn points_that_are_damaged_are_refused_and_written_anew() {
+fn damaged_points_are_refused_and_rewritten() {
     let folder = Folder::new("damaged-points");
     let out = |name: &str| folder.path().join(name);
-    let file = campaign(&folder);
+    let file = write_campaign(&folder);
     let whole = out("whole");
     assert_eq!(sweep(&file, &whole, &[]).code, Some(0));
     let points = std::fs::read_to_string(whole.join("points.jsonl")).unwrap();
@@ -74,9 +74,9 @@ fn points_that_are_damaged_are_refused_and_written_anew() {
         ),
     ];
     for (damage, parts) in damages {
-        edit(&whole, "points.jsonl", damage);
-        let again = orchestrate(&["sweep", "run", text(&whole)]);
-        refused(
+        edit_lines(&whole, "points.jsonl", damage);
+        let again = run_orchestrator(&["sweep", "run", text(&whole)]);
+        assert_refused(
             &again,
             &[
                 &["points.jsonl", "give the command that started the campaign again"],
@@ -85,7 +85,7 @@ fn points_that_are_damaged_are_refused_and_written_anew() {
             .concat(),
         );
         let point = format!("{}:1", whole.display());
-        refused(&orchestrate(&["run", "--point", &point]), parts);
+        assert_refused(&run_orchestrator(&["run", "--point", &point]), parts);
         // The remedy in the message.
         assert_eq!(sweep(&file, &whole, &[]).code, Some(0));
         assert_eq!(std::fs::read_to_string(whole.join("points.jsonl")).unwrap(), points);
@@ -96,9 +96,9 @@ fn points_that_are_damaged_are_refused_and_written_anew() {
     for (shard, number) in shards.iter().zip(["1/2", "2/2"]) {
         assert_eq!(sweep(&file, shard, &["--shard", number]).code, Some(0));
     }
-    edit(&shards[1], "points.jsonl", |lines| drop(lines.remove(0)));
+    edit_lines(&shards[1], "points.jsonl", |lines| drop(lines.remove(0)));
     let merge = || {
-        orchestrate(&[
+        run_orchestrator(&[
             "sweep",
             "merge",
             text(&out("merged")),
@@ -106,40 +106,40 @@ fn points_that_are_damaged_are_refused_and_written_anew() {
             text(&shards[1]),
         ])
     };
-    refused(&merge(), &["two/points.jsonl", "the row of point 2 is missing"]);
+    assert_refused(&merge(), &["two/points.jsonl", "the row of point 2 is missing"]);
     assert_eq!(sweep(&file, &shards[1], &["--shard", "2/2"]).code, Some(0));
-    edit(&shards[0], "points.jsonl", |lines| {
+    edit_lines(&shards[0], "points.jsonl", |lines| {
         lines.iter_mut().for_each(|line| *line = other(line))
     });
-    refused(&merge(), &["points.jsonl of the shards", "digest"]);
+    assert_refused(&merge(), &["points.jsonl of the shards", "digest"]);
     assert!(!out("merged").exists(), "nothing is written");
 }
 
-fn status(folder: &Path, more: &[&str]) -> Said {
-    orchestrate(&[&["sweep", "status", text(folder)], more].concat())
+fn status(folder: &Path, more: &[&str]) -> ProgramOutput {
+    run_orchestrator(&[&["sweep", "status", text(folder)], more].concat())
 }
 
 #[test]
-fn status_knows_of_points_that_a_shard_does_not_know_of() {
+fn status_counts_points_unknown_to_a_shard() {
     let folder = Folder::new("left-behind");
     let out = |name: &str| folder.path().join(name);
-    let file = campaign(&folder);
+    let file = write_campaign(&folder);
     let both = out("both");
     let shard = |number: &str, points: &str| {
         let place = both.join(number.replace('/', "-of-"));
-        let said = sweep(&file, &place, &["--shard", number, "--points", points]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = sweep(&file, &place, &["--shard", number, "--points", points]);
+        assert_eq!(output.code, Some(0), "{output:?}");
     };
-    let told = |code: i32, parts: &[&str]| {
-        let said = status(&both, &[]);
-        assert_eq!(said.code, Some(code), "{said:?}");
+    let assert_status = |code: i32, parts: &[&str]| {
+        let output = status(&both, &[]);
+        assert_eq!(output.code, Some(code), "{output:?}");
         for part in parts {
-            assert!(said.out.contains(part), "`{part}` is not in: {}", said.out);
+            assert!(output.out.contains(part), "`{part}` is not in: {}", output.out);
         }
     };
     std::fs::create_dir(&both).unwrap();
     shard("1/2", "4");
-    told(
+    assert_status(
         1,
         &["shard 1/2  2 of 2 points", "2 points are in none of these folders"],
     );
@@ -149,7 +149,7 @@ fn status_knows_of_points_that_a_shard_does_not_know_of() {
         "asked about the shard alone"
     );
     shard("2/2", "6");
-    told(
+    assert_status(
         1,
         &[
             "springs: 6 points",
@@ -160,57 +160,60 @@ fn status_knows_of_points_that_a_shard_does_not_know_of() {
         ],
     );
     shard("1/2", "6");
-    told(0, &["shard 1/2  3 of 3 points"]);
+    assert_status(0, &["shard 1/2  3 of 3 points"]);
 }
 
 #[test]
 fn status_counts_no_point_that_runs_again() {
     let folder = Folder::new("crashed-points");
     let out = folder.path().join("out");
-    let file = campaign(&folder);
+    let file = write_campaign(&folder);
     assert_eq!(sweep(&file, &out, &[]).code, Some(0));
-    edit(&out, "results.jsonl", |lines| {
+    edit_lines(&out, "results.jsonl", |lines| {
         let mut entry: serde_json::Value = serde_json::from_str(&lines[2]).unwrap();
         entry["outcome"] = "crashed".into();
         lines[2] = entry.to_string();
     });
-    let said = status(&out, &[]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.out.contains("5 of 6 points, 1 crashed"), "{said:?}");
-    assert!(said.out.contains("continue with: sweep run"), "{said:?}");
+    let output = status(&out, &[]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.out.contains("5 of 6 points, 1 crashed"), "{output:?}");
+    assert!(output.out.contains("continue with: sweep run"), "{output:?}");
     let part = status(&out, &["--json"]).json()["parts"][0].clone();
     assert_eq!(
         (&part["done"], &part["failed"], &part["crashed"]),
         (&5.into(), &0.into(), &1.into()),
         "{part}"
     );
-    assert_eq!(orchestrate(&["sweep", "run", text(&out), "--quiet"]).code, Some(0));
+    assert_eq!(run_orchestrator(&["sweep", "run", text(&out), "--quiet"]).code, Some(0));
     assert!(status(&out, &[]).out.contains("6 of 6 points"));
 }
 
 #[test]
-fn folder_knows_when_enough_is_known() {
+fn folder_stores_its_stopping_rule() {
     let folder = Folder::new("stored-rule");
     let out = folder.path().join("out");
-    let file = campaign(&folder);
+    let file = write_campaign(&folder);
     let points = || std::fs::read_to_string(out.join("table.csv")).unwrap().lines().count() - 1;
     let rule = ["--points", "40", "--workers", "1", "--until", "met within 12 %"];
     assert_eq!(sweep(&file, &out, &rule).code, Some(0));
     // None of n is met: the interval's half width is z² / 2 (n + z²), which is 12 % from n = 13 on.
     assert_eq!(points(), 13);
-    let said = status(&out, &[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = status(&out, &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert!(
-        said.out.contains("the first 13 are enough for `met within 12 %`"),
-        "{said:?}"
+        output.out.contains("the first 13 are enough for `met within 12 %`"),
+        "{output:?}"
     );
-    edit(&out, "results.jsonl", |lines| lines.truncate(5));
-    let said = status(&out, &[]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.out.contains("5 of 40 points, until `met within 12 %`"), "{said:?}");
+    edit_lines(&out, "results.jsonl", |lines| lines.truncate(5));
+    let output = status(&out, &[]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(
+        output.out.contains("5 of 40 points, until `met within 12 %`"),
+        "{output:?}"
+    );
     // The folder alone says where the campaign ends.
-    let said = orchestrate(&["sweep", "run", text(&out), "--workers", "1", "--quiet"]);
-    assert_eq!((said.code, points()), (Some(0), 13), "{said:?}");
+    let output = run_orchestrator(&["sweep", "run", text(&out), "--workers", "1", "--quiet"]);
+    assert_eq!((output.code, points()), (Some(0), 13), "{output:?}");
     // Without the rule it goes on to its last point.
     assert_eq!(sweep(&file, &out, &rule[..4]).code, Some(0));
     assert_eq!(points(), 40);
@@ -221,10 +224,10 @@ fn folder_knows_when_enough_is_known() {
 }
 
 #[test]
-fn incomplete_run_folders_of_a_killed_campaign_do_not_stay() {
+fn incomplete_run_folders_of_a_killed_campaign_are_removed() {
     let folder = Folder::new("half-kept");
     let out = folder.path().join("out");
-    let file = campaign(&folder);
+    let file = write_campaign(&folder);
     assert_eq!(sweep(&file, &out, &["--keep"]).code, Some(0));
     let table = std::fs::read_to_string(out.join("table.csv")).unwrap();
     let run = |number: usize| out.join(format!("runs/{number:05}"));
@@ -232,7 +235,7 @@ fn incomplete_run_folders_of_a_killed_campaign_do_not_stay() {
     assert!((1..=6).all(whole));
     // As after a kill: one point has no result yet, the folder of another was being made again, and a worker had begun a third.
     let kill = || {
-        edit(&out, "results.jsonl", |lines| {
+        edit_lines(&out, "results.jsonl", |lines| {
             lines.retain(|line| !line.contains("\"point\":2,"))
         });
         for number in [2, 4] {

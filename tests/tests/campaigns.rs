@@ -4,17 +4,19 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use escapement_tests::fixture::write_oscillator;
 use escapement_tests::machine::processes_of;
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, start, text};
-use escapement_tests::world::oscillator;
+use escapement_tests::program::{
+    Folder, ProgramOutput, orchestrator, participant, root, run_orchestrator, start_orchestrator, text, wait_for_output,
+};
 use serde_json::Value;
 
 const CLOSE: &str = "scenarios/close.toml";
 const DELAYS: &str = "connections.measured.delay=0ms,10ms,60ms";
 
 /// `sweep` of the close capture with `more`, into `out`.
-fn sweep(out: &Path, more: &[&str]) -> Said {
-    orchestrate(&[&["sweep", CLOSE, "--out", text(out)], more].concat())
+fn sweep(out: &Path, more: &[&str]) -> ProgramOutput {
+    run_orchestrator(&[&["sweep", CLOSE, "--out", text(out)], more].concat())
 }
 
 fn files(folder: &Path) -> Vec<Vec<u8>> {
@@ -25,7 +27,7 @@ fn files(folder: &Path) -> Vec<Vec<u8>> {
 }
 
 /// Waits until `there`, polling every few milliseconds; fails after two minutes.
-fn until(mut there: impl FnMut() -> bool) {
+fn wait_for(mut there: impl FnMut() -> bool) {
     let started = Instant::now();
     while !there() {
         assert!(started.elapsed() < Duration::from_secs(120), "it never happens");
@@ -34,15 +36,15 @@ fn until(mut there: impl FnMut() -> bool) {
 }
 
 #[test]
-fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
+fn run_and_sweep_give_the_same_figures_to_every_digit() {
     let folder = Folder::new("digits");
     let out = |name: &str| folder.path().join(name);
-    let said = sweep(
+    let output = sweep(
         &out("sweep"),
         &["--vary", "connections.measured.delay=0ms,10ms", "--json", "--digest"],
     );
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let swept = said.json();
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let swept = output.json();
     let kept = sweep(
         &out("kept"),
         &["--vary", "connections.measured.delay=0ms,10ms", "--json", "--keep"],
@@ -53,7 +55,7 @@ fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
         for mode in [&[][..], &["--in-process"]] {
             let run = out(&format!("run-{number}-{}", mode.len()));
             let arguments = [&["run", CLOSE, "--json", "--set", &delay, "--out", text(&run)], mode].concat();
-            let single = orchestrate(&arguments).json();
+            let single = run_orchestrator(&arguments).json();
             let row = &swept["rows"][number];
             assert_eq!(row["tape_digest"], single["tape_digest"]);
             assert_eq!(row["outcome"], "met");
@@ -85,7 +87,7 @@ fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
 }
 
 #[test]
-fn the_table_does_not_depend_on_the_number_of_workers_or_on_interruptions() {
+fn table_does_not_depend_on_workers_or_interruptions() {
     let folder = Folder::new("workers");
     let out = |name: &str| folder.path().join(name);
     let vary = [
@@ -96,8 +98,8 @@ fn the_table_does_not_depend_on_the_number_of_workers_or_on_interruptions() {
         "--quiet",
     ];
     for (name, workers) in [("one", "1"), ("three", "3")] {
-        let said = sweep(&out(name), &[&vary[..], &["--workers", workers]].concat());
-        assert_eq!((said.code, said.out.as_str()), (Some(0), ""), "{said:?}");
+        let output = sweep(&out(name), &[&vary[..], &["--workers", workers]].concat());
+        assert_eq!((output.code, output.out.as_str()), (Some(0), ""), "{output:?}");
     }
     assert_eq!(files(&out("one")), files(&out("three")));
 
@@ -111,28 +113,28 @@ fn the_table_does_not_depend_on_the_number_of_workers_or_on_interruptions() {
     };
     for (signal, code) in [("-INT", Some(1)), ("-KILL", None)] {
         let before = lines();
-        let child = start(&arguments);
-        until(|| lines() > before);
+        let child = start_orchestrator(&arguments);
+        wait_for(|| lines() > before);
         let killed = Command::new("kill")
             .args([signal, &child.id().to_string()])
             .status()
             .unwrap();
         assert!(killed.success());
-        let said = finish(child);
-        assert_eq!(said.code, code, "{said:?}");
+        let output = wait_for_output(child);
+        assert_eq!(output.code, code, "{output:?}");
         assert!(lines() < 6, "it was to be stopped on the way");
     }
-    until(|| processes_of(&stopped).is_empty());
-    let said = orchestrate(&arguments);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    wait_for(|| processes_of(&stopped).is_empty());
+    let output = run_orchestrator(&arguments);
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert_eq!(files(&stopped), files(&out("one")));
     assert_eq!(lines(), 6, "nothing was run twice");
 }
 
 #[test]
-fn a_point_that_goes_wrong_is_a_row_with_its_reason() {
+fn failed_point_is_a_row_with_its_reason() {
     let folder = Folder::new("wrong");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("sweep");
     let exe = |name: &str| format!("{{ exe = \"{}\" }}", participant(name).display());
     let vary = format!(
@@ -142,9 +144,9 @@ fn a_point_that_goes_wrong_is_a_row_with_its_reason() {
         exe("crash_at"),
         "{ exe = \"/nowhere\" }"
     );
-    let said = orchestrate(&["sweep", text(&scenario), "--out", text(&out), "--json", "--vary", &vary]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    let rows = said.json()["rows"].clone();
+    let output = run_orchestrator(&["sweep", text(&scenario), "--out", text(&out), "--json", "--vary", &vary]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    let rows = output.json()["rows"].clone();
     let word = |number: usize| rows[number]["outcome"].as_str().unwrap().to_owned();
     let reason = |number: usize| rows[number]["reason"].as_str().unwrap_or_default().to_owned();
     assert_eq!(
@@ -158,7 +160,7 @@ fn a_point_that_goes_wrong_is_a_row_with_its_reason() {
 }
 
 #[test]
-fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
+fn killed_worker_loses_its_point_alone_which_is_run_again() {
     let folder = Folder::new("killed");
     let out = folder.path().join("sweep");
     let arguments = [
@@ -173,10 +175,10 @@ fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
         "seed=1..4",
         "--json",
     ];
-    let child = start(&arguments);
+    let child = start_orchestrator(&arguments);
     let children = format!("/proc/{0}/task/{0}/children", child.id());
     let mut worker = String::new();
-    until(|| {
+    wait_for(|| {
         worker = std::fs::read_to_string(&children).unwrap_or_default().trim().to_owned();
         !worker.is_empty() && std::fs::metadata(out.join("results.jsonl")).is_ok_and(|about| about.len() > 0)
     });
@@ -188,9 +190,9 @@ fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
             .unwrap()
             .success()
     );
-    let said = finish(child);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    let json = said.json();
+    let output = wait_for_output(child);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    let json = output.json();
     assert_eq!((json["met"].as_u64(), json["crashed"].as_u64()), (Some(3), Some(1)));
     let crashed = json["rows"]
         .as_array()
@@ -202,12 +204,12 @@ fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
         crashed["reason"].as_str().unwrap().contains("signal 9 (killed)"),
         "{crashed}"
     );
-    let again = orchestrate(&arguments);
+    let again = run_orchestrator(&arguments);
     assert_eq!((again.code, again.json()["met"].as_u64()), (Some(0), Some(4)));
 }
 
 #[test]
-fn a_scenario_that_is_edited_on_the_way_ends_the_campaign() {
+fn scenario_edited_during_a_campaign_ends_the_campaign() {
     let folder = Folder::new("edited");
     let out = folder.path().join("sweep");
     let stock = std::fs::read_to_string(root().join(CLOSE)).unwrap();
@@ -223,21 +225,18 @@ fn a_scenario_that_is_edited_on_the_way_ends_the_campaign() {
         "--vary",
         "seed=1..500",
     ];
-    let child = start(&arguments);
-    until(|| std::fs::metadata(out.join("results.jsonl")).is_ok_and(|about| about.len() > 0));
+    let child = start_orchestrator(&arguments);
+    wait_for(|| std::fs::metadata(out.join("results.jsonl")).is_ok_and(|about| about.len() > 0));
     folder.write("own.toml", &stock.replacen("duration = ", "duration = \"1 s\" # ", 1));
-    let said = finish(child);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(
-        said.err
-            .contains("own.toml has changed since the campaign began: start it again"),
-        "{said:?}"
-    );
+    let output = wait_for_output(child);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    let reason = "own.toml has changed since the campaign began: start it again";
+    assert!(output.err.contains(reason), "{output:?}");
     assert_eq!(processes_of(&out), Vec::<String>::new());
 }
 
 #[test]
-fn a_grid_that_cannot_run_is_refused_before_anything_runs() {
+fn invalid_grid_is_refused_before_any_run() {
     let folder = Folder::new("refused-grid");
     let out = folder.path().join("sweep");
     for (more, parts) in [
@@ -269,33 +268,33 @@ fn a_grid_that_cannot_run_is_refused_before_anything_runs() {
             ["`beauty`", "position_error_at_grasp"],
         ),
     ] {
-        let said = sweep(&out, more);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = sweep(&out, more);
+        assert_eq!(output.code, Some(2), "{output:?}");
         for part in parts {
-            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+            assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
         }
-        assert_eq!(said.err.matches("error:").count(), 1, "{}", said.err);
+        assert_eq!(output.err.matches("error:").count(), 1, "{}", output.err);
         assert!(!out.exists(), "nothing is written");
     }
 }
 
 #[test]
-fn a_folder_of_something_else_is_left_alone() {
+fn folder_of_another_campaign_is_left_unchanged() {
     let folder = Folder::new("taken");
     let out = folder.path().join("sweep");
     let vary = ["--vary", "seed=1,2", "--duration", "1 s", "--quiet"];
     assert_eq!(sweep(&out, &vary).code, Some(0));
     let before = files(&out);
-    let said = sweep(&out, &["--vary", "seed=1,3", "--duration", "1 s"]);
-    assert_eq!(said.code, Some(2));
+    let output = sweep(&out, &["--vary", "seed=1,3", "--duration", "1 s"]);
+    assert_eq!(output.code, Some(2));
     assert!(
-        said.err.contains("another campaign") && said.err.contains("--out"),
-        "{said:?}"
+        output.err.contains("another campaign") && output.err.contains("--out"),
+        "{output:?}"
     );
     assert_eq!(files(&out), before);
-    let said = sweep(&root().join("docs"), &vary);
-    assert_eq!(said.code, Some(2));
-    assert!(said.err.contains("no campaign's"), "{said:?}");
+    let output = sweep(&root().join("docs"), &vary);
+    assert_eq!(output.code, Some(2));
+    assert!(output.err.contains("no campaign's"), "{output:?}");
 }
 
 #[test]
@@ -314,8 +313,8 @@ fn every_failure_of_an_actuator_is_a_case() {
         "--quiet",
         "--out",
     ];
-    let said = orchestrate(&[&arguments[..], &[text(&out)]].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&[&arguments[..], &[text(&out)]].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
     let table = std::fs::read_to_string(out.join("table.csv")).unwrap();
     let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
     assert_eq!(
@@ -338,7 +337,7 @@ fn every_failure_of_an_actuator_is_a_case() {
 }
 
 #[test]
-fn a_list_of_cases_changes_what_it_says() {
+fn case_list_applies_its_changes() {
     let folder = Folder::new("cases");
     let list = folder.write(
         "cases.toml",
@@ -359,9 +358,9 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
     );
     let out = folder.path().join("faults");
     let how = ["--json", "--digest", "--out", text(&out)];
-    let said = orchestrate(&[&["faults", CLOSE, "--cases", text(&list)][..], &how].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let json = said.json();
+    let output = run_orchestrator(&[&["faults", CLOSE, "--cases", text(&list)][..], &how].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let json = output.json();
     assert_eq!(json["rows"][0]["outcome"], "met");
     // the table has the settings of each case, by key
     let values = |row: usize, key: &str| json["rows"][row]["values"][key].as_str().unwrap_or_default().to_owned();
@@ -390,7 +389,7 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
         ),
     ] {
         let list = folder.write("wrong.toml", text_of_list);
-        let said = orchestrate(&[
+        let output = run_orchestrator(&[
             "faults",
             CLOSE,
             "--cases",
@@ -398,15 +397,15 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
             "--out",
             text(&folder.path().join("no")),
         ]);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
 }
 
 #[test]
-fn a_list_of_cases_injects_faults_and_substitutes() {
+fn case_list_injects_faults_and_substitutes() {
     let folder = Folder::new("cases-faults");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let exe = |name: &str| participant(name).display().to_string();
     let list = format!(
         r#"[[case]]
@@ -441,7 +440,7 @@ set = {{ "guards.weak" = {{ output = "damper.push", field = "force", range = "[-
     );
     let list = folder.write("cases.toml", &list);
     let out = folder.path().join("faults");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "faults",
         text(&scenario),
         "--cases",
@@ -452,8 +451,8 @@ set = {{ "guards.weak" = {{ output = "damper.push", field = "force", range = "[-
         "--out",
         text(&out),
     ]);
-    assert_eq!(said.code, Some(1), "one fails: {said:?}");
-    let points = said.json()["rows"].as_array().expect("a list of rows").clone();
+    assert_eq!(output.code, Some(1), "one fails: {output:?}");
+    let points = output.json()["rows"].as_array().expect("a list of rows").clone();
     let column = |name: &str| -> Vec<String> {
         let texts = points
             .iter()
@@ -491,8 +490,8 @@ fn campaign_folder_is_used_by_one_program_at_a_time() {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    until(|| std::fs::metadata(out.join("results.jsonl")).is_ok_and(|about| about.len() > 0));
-    let second = orchestrate(&arguments);
+    wait_for(|| std::fs::metadata(out.join("results.jsonl")).is_ok_and(|about| about.len() > 0));
+    let second = run_orchestrator(&arguments);
     first.kill().unwrap();
     first.wait().unwrap();
     assert_eq!(second.code, Some(2));

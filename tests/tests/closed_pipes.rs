@@ -6,10 +6,10 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use escapement_tests::machine;
-use escapement_tests::program::{Folder, orchestrate, orchestrator, root};
+use escapement_tests::program::{Folder, orchestrator, root, run_orchestrator};
 
 /// Starts a command with both of its outputs connected to pipes without a reader.
-fn unheard(arguments: &[&str]) -> Child {
+fn start_with_closed_pipes(arguments: &[&str]) -> Child {
     let (out_reader, out) = std::io::pipe().unwrap();
     let (err_reader, err) = std::io::pipe().unwrap();
     drop((out_reader, err_reader));
@@ -24,7 +24,7 @@ fn text(path: &Path) -> &str {
 }
 
 #[test]
-fn every_command_ends_with_its_own_code() {
+fn commands_keep_their_exit_code_on_a_closed_pipe() {
     let folder = Folder::new("unheard");
     let (run, other, page) = (
         folder.path().join("run"),
@@ -65,19 +65,19 @@ fn every_command_ends_with_its_own_code() {
         (&["--version"], 0),
     ];
     for (arguments, expected) in commands {
-        let ended = unheard(arguments).wait().expect("it can be waited for");
+        let ended = start_with_closed_pipes(arguments).wait().expect("it can be waited for");
         assert_eq!(ended.code(), Some(*expected), "{arguments:?}: {ended:?}");
     }
     assert!(Path::new(page).exists() && Path::new(run).join("summary.json").exists());
 }
 
 #[test]
-fn a_run_whose_reader_leaves_in_mid_run_is_complete() {
+fn run_is_complete_when_its_reader_closes_the_pipe() {
     let folder = Folder::new("left");
     let (whole, left) = (folder.path().join("whole"), folder.path().join("left"));
     let how = ["run", "scenarios/close.toml", "--duration", "3 s"];
     assert_eq!(
-        orchestrate(&[&how[..], &["--out", text(&whole)]].concat()).code,
+        run_orchestrator(&[&how[..], &["--out", text(&whole)]].concat()).code,
         Some(3)
     );
     let mut command = Command::new(orchestrator());
@@ -90,14 +90,14 @@ fn a_run_whose_reader_leaves_in_mid_run_is_complete() {
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
     let mut child = command.spawn().expect("the orchestrator can be started");
-    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
     let mut line = String::new();
     while !line.contains("paused") {
         line.clear();
-        assert!(said.read_line(&mut line).unwrap() > 0, "it ended before its stop");
+        assert!(stderr.read_line(&mut line).unwrap() > 0, "it ended before its stop");
     }
     // Paused in the middle of the run: the pipes have no reader any more, and the run is then resumed.
-    drop((said, child.stdout.take()));
+    drop((stderr, child.stdout.take()));
     std::io::Write::write_all(child.stdin.as_mut().unwrap(), b"\n").unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(3));
     let digest = |run: &Path| {

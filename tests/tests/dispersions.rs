@@ -1,9 +1,9 @@
-//! Campaign files from the user's point of view: one table whatever happens, rejected distributions, and the page.
+//! Campaign files from the user's point of view: one table despite interruptions, rejected distributions, and the page.
 
 use std::process::Command;
 
-use escapement_tests::program::{Folder, finish, orchestrate, root, start, text};
-use escapement_tests::world::{oscillator, springs};
+use escapement_tests::fixture::{write_oscillator, write_springs};
+use escapement_tests::program::{Folder, root, run_orchestrator, start_orchestrator, text, wait_for_output};
 
 const CAMPAIGN: &str = r#"
 title = "Two masses that nobody has weighed"
@@ -37,7 +37,7 @@ distribution = "discrete"
 values = ["bias", "noise"]
 "#;
 
-fn table(folder: &Folder, out: &str) -> Vec<Vec<u8>> {
+fn result_files(folder: &Folder, out: &str) -> Vec<Vec<u8>> {
     ["table.csv", "table.parquet", "figure.svg", "report.html"]
         .iter()
         .map(|name| std::fs::read(folder.path().join(out).join(name)).unwrap_or_else(|error| panic!("{name}: {error}")))
@@ -47,14 +47,15 @@ fn table(folder: &Folder, out: &str) -> Vec<Vec<u8>> {
 #[test]
 fn table_depends_on_the_campaign_file_alone() {
     let folder = Folder::new("dispersions");
-    springs(&folder);
+    write_springs(&folder);
     let file = folder.write("campaign.toml", CAMPAIGN);
     let out = |name: &str| folder.path().join(name);
-    let run =
-        |name: &str, more: &[&str]| orchestrate(&[&["sweep", text(&file), "--out", text(&out(name))], more].concat());
-    let said = run("one", &["--workers", "1", "--json"]);
-    assert_eq!(said.code, Some(1), "a negative mass is a refused point: {said:?}");
-    let json = said.json();
+    let run = |name: &str, more: &[&str]| {
+        run_orchestrator(&[&["sweep", text(&file), "--out", text(&out(name))], more].concat())
+    };
+    let output = run("one", &["--workers", "1", "--json"]);
+    assert_eq!(output.code, Some(1), "a negative mass is a refused point: {output:?}");
+    let json = output.json();
     let refused = json["refused"].as_u64().unwrap();
     assert!(
         refused > 0 && refused < 5,
@@ -71,11 +72,11 @@ fn table_depends_on_the_campaign_file_alone() {
         assert!(["bias", "noise"].contains(&row["values"]["push_what"].as_str().unwrap()));
     }
     run("three", &["--workers", "3", "--quiet"]);
-    assert_eq!(table(&folder, "one"), table(&folder, "three"));
+    assert_eq!(result_files(&folder, "one"), result_files(&folder, "three"));
 
     // killed during the campaign, and continued
     let stopped = out("stopped");
-    let child = start(&[
+    let child = start_orchestrator(&[
         "sweep",
         text(&file),
         "--out",
@@ -96,16 +97,16 @@ fn table_depends_on_the_campaign_file_alone() {
             .unwrap()
             .success()
     );
-    finish(child);
+    wait_for_output(child);
     let again = run("stopped", &["--quiet"]);
     assert_eq!(again.code, Some(1), "{again:?}");
-    assert_eq!(table(&folder, "one"), table(&folder, "stopped"));
+    assert_eq!(result_files(&folder, "one"), result_files(&folder, "stopped"));
 }
 
 #[test]
 fn drawn_point_is_the_run_with_its_values() {
     let folder = Folder::new("drawn-point");
-    springs(&folder);
+    write_springs(&folder);
     let file = folder.write(
         "campaign.toml",
         &CAMPAIGN
@@ -113,8 +114,8 @@ fn drawn_point_is_the_run_with_its_values() {
             .replace("0.6 kg", "0.1 kg"),
     );
     let out = |name: &str| folder.path().join(name);
-    let said = orchestrate(&["sweep", text(&file), "--out", text(&out("swept")), "--json", "--digest"]);
-    let json = said.json();
+    let output = run_orchestrator(&["sweep", text(&file), "--out", text(&out("swept")), "--json", "--digest"]);
+    let json = output.json();
     let csv = std::fs::read_to_string(out("swept").join("table.csv")).unwrap();
     assert!(
         csv.starts_with("point,mass [kg],late [ms],push_at [ms],push_what,seed,outcome,reason,swing [m],"),
@@ -122,7 +123,7 @@ fn drawn_point_is_the_run_with_its_values() {
     );
     let row = &json["rows"][2];
     let value = |name: &str, unit: &str| format!("{}{unit}", row["values"][name]);
-    let single = orchestrate(&[
+    let single = run_orchestrator(&[
         "run",
         text(&folder.path().join("springs.toml")),
         "--in-process",
@@ -152,7 +153,7 @@ fn drawn_point_is_the_run_with_its_values() {
 #[test]
 fn page_has_statistics_of_every_figure() {
     let folder = Folder::new("campaign-page");
-    springs(&folder);
+    write_springs(&folder);
     let file = folder.write(
         "campaign.toml",
         &CAMPAIGN
@@ -161,8 +162,8 @@ fn page_has_statistics_of_every_figure() {
             .replace("0.6 kg", "0.1 kg"),
     );
     let out = folder.path().join("out");
-    let said = orchestrate(&["sweep", text(&file), "--out", text(&out), "--quiet"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&file), "--out", text(&out), "--quiet"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     let data = page
         .split_once("id=\"data\">")
@@ -202,9 +203,9 @@ fn page_has_statistics_of_every_figure() {
 }
 
 #[test]
-fn key_that_is_wrong_everywhere_is_refused_as_the_dispersion() {
+fn key_invalid_at_every_point_is_refused_as_the_dispersion() {
     let folder = Folder::new("campaign-refused");
-    springs(&folder);
+    write_springs(&folder);
     let out = folder.path().join("out");
     for (before, after, parts) in [
         (
@@ -230,28 +231,28 @@ fn key_that_is_wrong_everywhere_is_refused_as_the_dispersion() {
         ),
     ] {
         let file = folder.write("campaign.toml", &CAMPAIGN.replace(before, after));
-        let said = orchestrate(&["sweep", text(&file), "--out", text(&out)]);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = run_orchestrator(&["sweep", text(&file), "--out", text(&out)]);
+        assert_eq!(output.code, Some(2), "{output:?}");
         for part in parts {
-            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+            assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
         }
         assert!(!out.exists(), "nothing is written");
     }
     let file = folder.write("campaign.toml", CAMPAIGN);
-    let said = orchestrate(&["sweep", text(&file), "--vary", "seed=1,2", "--out", text(&out)]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("says what varies"), "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&file), "--vary", "seed=1,2", "--out", text(&out)]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("says what varies"), "{output:?}");
 }
 
 #[test]
-fn scenario_with_a_campaign_of_its_own_runs_alone_and_as_campaign() {
+fn scenario_with_own_campaign_runs_alone_and_as_campaign() {
     let folder = Folder::new("campaign-table");
-    let own = springs(&folder);
+    let own = write_springs(&folder);
     let scenario = std::fs::read_to_string(folder.path().join(own)).unwrap();
     let campaign = "\n[campaign]\npoints = 3\n\n[campaign.vary.mass]\nkey = \"participants.left.parameters.mass\"\n\
                     distribution = \"log-normal\"\nmedian = 1.0\nlog-deviation = \"10 %\"\nas = \"factor\"\n";
     let file = folder.write("both.toml", &(scenario + campaign));
-    let run = orchestrate(&[
+    let run = run_orchestrator(&[
         "run",
         text(&file),
         "--in-process",
@@ -261,45 +262,45 @@ fn scenario_with_a_campaign_of_its_own_runs_alone_and_as_campaign() {
     ]);
     assert!(run.code == Some(0) || run.code == Some(3), "{run:?}");
     let out = folder.path().join("out");
-    let said = orchestrate(&["sweep", text(&file), "--out", text(&out), "--json"]);
-    assert_eq!(said.json()["points"], 3, "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&file), "--out", text(&out), "--json"]);
+    assert_eq!(output.json()["points"], 3, "{output:?}");
     let wrong = folder.write(
         "wrong.toml",
         &std::fs::read_to_string(&file)
             .unwrap()
             .replace("log-normal", "log-norml"),
     );
-    let said = orchestrate(&["sweep", text(&wrong), "--out", text(&out)]);
-    assert!(said.err.contains("campaign.vary.mass.distribution"), "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&wrong), "--out", text(&out)]);
+    assert!(output.err.contains("campaign.vary.mass.distribution"), "{output:?}");
 }
 
 #[test]
 fn campaign_file_is_no_scenario() {
     for command in ["check", "run"] {
-        let said = orchestrate(&[command, text(&root().join("campaigns/dispersed-captures.toml"))]);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = run_orchestrator(&[command, text(&root().join("campaigns/dispersed-captures.toml"))]);
+        assert_eq!(output.code, Some(2), "{output:?}");
         let expected = "dispersed-captures.toml:5: scenario: this is a campaign file: run it with `sweep`";
-        assert!(said.err.contains(expected), "{said:?}");
+        assert!(output.err.contains(expected), "{output:?}");
     }
 }
 
 #[test]
-fn what_the_campaign_file_would_ignore_is_refused_by_name() {
+fn options_that_a_campaign_file_ignores_are_refused_by_name() {
     let folder = Folder::new("ignored");
-    springs(&folder);
+    write_springs(&folder);
     let file = folder.write("campaign.toml", CAMPAIGN);
-    let refused = |arguments: &[&str], words: &[&str]| {
-        let said = orchestrate(&[&["sweep"], arguments].concat());
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(words.iter().all(|word| said.err.contains(word)), "{said:?}");
+    let assert_refused = |arguments: &[&str], words: &[&str]| {
+        let output = run_orchestrator(&[&["sweep"], arguments].concat());
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(words.iter().all(|word| output.err.contains(word)), "{output:?}");
     };
     let set = "participants.right.parameters.mass=\"9 kg\"";
-    refused(
+    assert_refused(
         &[text(&file), "--set", set],
         &["participants.right.parameters.mass", "vary.mass"],
     );
-    refused(&[text(&file), "--include", "notes.txt"], &["--include", "--bundle"]);
-    refused(
+    assert_refused(&[text(&file), "--include", "notes.txt"], &["--include", "--bundle"]);
+    assert_refused(
         &[text(&file), "--on", "shell", "--engine-args", "--long"],
         &["--engine-args"],
     );
@@ -308,7 +309,7 @@ fn what_the_campaign_file_would_ignore_is_refused_by_name() {
             "named.toml",
             &CAMPAIGN.replace("[vary.mass]", &format!("[vary.{name}]")),
         );
-        refused(&[text(&named)], &["named.toml", "choose another"]);
+        assert_refused(&[text(&named)], &["named.toml", "choose another"]);
     }
     folder.write("masses.csv", "\u{feff}mass [kg],c\n1,2\nn/a,3\n");
     let column = CAMPAIGN.replace(
@@ -316,27 +317,27 @@ fn what_the_campaign_file_would_ignore_is_refused_by_name() {
         "distribution = \"column\"\nfile = \"masses.csv\"\ncolumn = \"mass\"",
     );
     let column = folder.write("column.toml", &column);
-    refused(&[text(&column)], &["column.toml", "masses.csv", "`n/a`"]);
+    assert_refused(&[text(&column)], &["column.toml", "masses.csv", "`n/a`"]);
 }
 
 #[test]
 fn campaign_without_a_possible_point_is_refused_before_it_runs() {
     let folder = Folder::new("no-possible-point");
-    springs(&folder);
+    write_springs(&folder);
     let formula = "scenario = \"springs.toml\"\npoints = 3\n\n[vary.part]\ndistribution = \"discrete\"\nvalues = [0, 0]\n\n\
                    [vary.ratio]\ndistribution = \"formula\"\nformula = \"1 / part\"\n";
     let file = folder.write("campaign.toml", formula);
     let out = folder.path().join("out");
-    let said = orchestrate(&["sweep", text(&file), "--out", text(&out)]);
-    assert_eq!((said.code, said.out.as_str()), (Some(2), ""), "{said:?}");
-    assert_eq!(said.err.lines().count(), 1, "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&file), "--out", text(&out)]);
+    assert_eq!((output.code, output.out.as_str()), (Some(2), ""), "{output:?}");
+    assert_eq!(output.err.lines().count(), 1, "{output:?}");
     for part in [
         "campaign.toml:10: vary.ratio.formula: ",
         "all of the first 3 points are refused",
         "inf is drawn, which is not finite",
         "correct it",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
     assert!(!out.exists(), "nothing is written");
     // One possible point is enough.
@@ -346,22 +347,22 @@ fn campaign_without_a_possible_point_is_refused_before_it_runs() {
             .replace("[0, 0]", "[0, 1]\nweights = [1, 1]")
             .replace("= 3", "= 20"),
     );
-    let said = orchestrate(&["sweep", text(&file), "--out", text(&out)]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.out.contains("refused at 0.0, inf"), "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&file), "--out", text(&out)]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.out.contains("refused at 0.0, inf"), "{output:?}");
 }
 
 #[test]
-fn no_share_is_told_of_points_that_did_not_run() {
+fn campaign_of_failed_points_reports_no_share() {
     let folder = Folder::new("no-share");
-    let file = oscillator(&folder, "panics");
+    let file = write_oscillator(&folder, "panics");
     let out = folder.path().join("out");
-    let said = orchestrate(&["sweep", text(&file), "--seeds", "2", "--out", text(&out)]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.out.contains("2 points: 2 failed"), "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&file), "--seeds", "2", "--out", text(&out)]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.out.contains("2 points: 2 failed"), "{output:?}");
     assert!(
-        said.out.contains("no point ran to its end, so no share is known"),
-        "{said:?}"
+        output.out.contains("no point ran to its end, so no share is known"),
+        "{output:?}"
     );
-    assert!(!said.out.contains("confidence"), "{said:?}");
+    assert!(!output.out.contains("confidence"), "{output:?}");
 }

@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use escapement_tests::program::{Folder, begin, built_as_shipped, call, finish, orchestrate, orchestrator, root, text};
-use escapement_tests::world::springs;
+use escapement_tests::fixture::write_springs;
+use escapement_tests::program::{
+    Folder, built_as_shipped, orchestrator, root, run_orchestrator, run_program, start_program, text, wait_for_output,
+};
 
 /// Two masses: a Sobol' sequence, masses from a file, and a formula that has no value at some points.
 const SPRINGS: &str = r#"
@@ -43,8 +45,8 @@ formula = "1 / part"
 "#;
 
 /// Writes that campaign with all its files; returns the campaign file.
-fn drawn(folder: &Folder, campaign: &str) -> PathBuf {
-    springs(folder);
+fn write_campaign(folder: &Folder, campaign: &str) -> PathBuf {
+    write_springs(folder);
     for name in ["campaigns", "values"] {
         std::fs::create_dir_all(folder.path().join(name)).unwrap();
     }
@@ -65,27 +67,27 @@ fn files(folder: &Path) -> Vec<Vec<u8>> {
     files
 }
 
-fn same(a: &Path, b: &Path) {
+fn assert_same_files(a: &Path, b: &Path) {
     for (number, (a, b)) in files(a).iter().zip(files(b)).enumerate() {
         assert!(*a == b, "file {number} differs");
     }
 }
 
 /// Kills the child as soon as the journal in `folder` has a line.
-fn kill_on_the_way(mut child: Child, folder: &Path) {
+fn kill_during_campaign(mut child: Child, folder: &Path) {
     let begun = Instant::now();
     while std::fs::metadata(folder.join("results.jsonl")).map_or(0, |about| about.len()) == 0 {
         assert!(begun.elapsed().as_secs() < 120, "it never begins");
         std::thread::sleep(Duration::from_millis(1));
     }
     child.kill().unwrap();
-    finish(child);
+    wait_for_output(child);
 }
 
 #[test]
-fn drawn_shards_are_what_one_machine_makes() {
+fn drawn_shards_give_the_table_of_one_machine() {
     let folder = Folder::new("drawn-shards");
-    let springs = drawn(&folder, SPRINGS);
+    let springs = write_campaign(&folder, SPRINGS);
     let captures = root().join("campaigns/dispersed-captures.toml");
     let captures = [text(&captures), "--points", "12", "--duration", "300 ms"];
     for (number, (campaign, code)) in [(&[text(&springs)][..], 1), (&captures[..], 0)].into_iter().enumerate() {
@@ -93,35 +95,35 @@ fn drawn_shards_are_what_one_machine_makes() {
         let sweep = |name: &str, more: &[&str]| {
             let place = out(name);
             let own = ["--quiet", "--workers", "1", "--out", text(&place)];
-            begin(orchestrator(), &[&["sweep"], campaign, &own[..], more].concat())
+            start_program(orchestrator(), &[&["sweep"], campaign, &own[..], more].concat())
         };
         // Second runs are compared by their tapes.
-        let said = finish(sweep("one", &["--digest"]));
-        assert_eq!(said.code, Some(code), "{said:?}");
+        let output = wait_for_output(sweep("one", &["--digest"]));
+        assert_eq!(output.code, Some(code), "{output:?}");
         let shards = ["1/3", "2/3", "3/3"].map(|shard| (shard, out(&shard.replace('/', "-of-"))));
         for (shard, place) in &shards {
             let name = shard.replace('/', "-of-");
             let child = sweep(&name, &["--shard", shard, "--audit", "30%"]);
             if *shard == "2/3" {
-                kill_on_the_way(child, place);
+                kill_during_campaign(child, place);
                 // The missing points are run with only the folder as input.
-                let said = orchestrate(&["sweep", "run", text(place), "--quiet"]);
-                assert!(matches!(said.code, Some(0 | 1)), "{said:?}");
+                let output = run_orchestrator(&["sweep", "run", text(place), "--quiet"]);
+                assert!(matches!(output.code, Some(0 | 1)), "{output:?}");
             } else {
-                let said = finish(child);
-                assert!(matches!(said.code, Some(0 | 1)), "{said:?}");
+                let output = wait_for_output(child);
+                assert!(matches!(output.code, Some(0 | 1)), "{output:?}");
             }
         }
         let whole = out("whole");
         let mut merge = vec!["sweep", "merge", text(&whole), "--quiet"];
         merge.extend(shards.iter().map(|(_, place)| text(place)));
-        let said = orchestrate(&merge);
-        assert_eq!(said.code, Some(code), "{said:?}");
-        same(&whole, &out("one"));
+        let output = run_orchestrator(&merge);
+        assert_eq!(output.code, Some(code), "{output:?}");
+        assert_same_files(&whole, &out("one"));
         // The folder contains the campaign of the file: none of it is run again.
-        let said = finish(sweep("whole", &["--digest"]));
-        assert_eq!(said.code, Some(code), "{said:?}");
-        same(&whole, &out("one"));
+        let output = wait_for_output(sweep("whole", &["--digest"]));
+        assert_eq!(output.code, Some(code), "{output:?}");
+        assert_same_files(&whole, &out("one"));
     }
 }
 
@@ -130,15 +132,15 @@ fn bundle_has_the_campaign_file_and_its_values() {
     built_as_shipped();
     let folder = Folder::new("drawn-bundle");
     let out = |name: &str| folder.path().join(name);
-    let file = drawn(&folder, SPRINGS);
+    let file = write_campaign(&folder, SPRINGS);
     let sweep = |file: &Path, name: &str, more: &[&str]| {
         let place = out(name);
-        orchestrate(&[&["sweep", text(file), "--quiet", "--out", text(&place)], more].concat())
+        run_orchestrator(&[&["sweep", text(file), "--quiet", "--out", text(&place)], more].concat())
     };
     sweep(&file, "one", &[]);
     sweep(&file, "more", &["--points", "20"]);
-    let said = orchestrate(&["sweep", text(&file), "--bundle", text(&out("made"))]);
-    assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&file), "--bundle", text(&out("made"))]);
+    assert_eq!((output.code, output.err.as_str()), (Some(0), ""), "{output:?}");
     std::fs::rename(out("made"), out("moved")).unwrap();
     for gone in ["campaigns", "values"] {
         std::fs::remove_dir_all(out(gone)).unwrap();
@@ -159,17 +161,17 @@ fn bundle_has_the_campaign_file_and_its_values() {
             "--out",
             text(&place),
         ];
-        let said = call(&program, &arguments);
+        let output = run_program(&program, &arguments);
         assert!(
-            matches!(said.code, Some(0 | 1)) && !said.err.contains("error"),
-            "{said:?}"
+            matches!(output.code, Some(0 | 1)) && !output.err.contains("error"),
+            "{output:?}"
         );
         merge.push(text(&place).to_owned());
     }
     let merge: Vec<&str> = merge.iter().map(String::as_str).collect();
-    let said = call(&program, &merge);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    same(&out("whole"), &out("one"));
+    let output = run_program(&program, &merge);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert_same_files(&out("whole"), &out("one"));
     // The file in the bundle defines the same points, and more of them.
     let inside = out("moved/tree/campaigns/drawn.toml");
     let place = out("whole");
@@ -182,9 +184,9 @@ fn bundle_has_the_campaign_file_and_its_values() {
         "--out",
         text(&place),
     ];
-    let said = call(&program, &arguments);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    same(&out("whole"), &out("more"));
+    let output = run_program(&program, &arguments);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert_same_files(&out("whole"), &out("more"));
 }
 
 #[test]
@@ -193,7 +195,7 @@ fn drawn_campaign_grows_where_its_draws_stay() {
     let out = |name: &str| folder.path().join(name);
     let sweep = |file: &Path, name: &str, more: &[&str]| {
         let place = out(name);
-        orchestrate(
+        run_orchestrator(
             &[
                 &["sweep", text(file), "--quiet", "--workers", "1", "--out", text(&place)],
                 more,
@@ -203,7 +205,7 @@ fn drawn_campaign_grows_where_its_draws_stay() {
     };
     let lines = |name: &str| std::fs::read_to_string(out(name).join("results.jsonl")).unwrap();
     for (design, runs) in [("sobol", 1), ("random", 1), ("saltelli", 5)] {
-        let file = drawn(&folder, &SPRINGS.replace("\"sobol\"", &format!("\"{design}\"")));
+        let file = write_campaign(&folder, &SPRINGS.replace("\"sobol\"", &format!("\"{design}\"")));
         let (grown, at_once) = (format!("{design}-grown"), format!("{design}-at-once"));
         sweep(&file, &grown, &["--points", "6"]);
         let before = lines(&grown);
@@ -214,38 +216,39 @@ fn drawn_campaign_grows_where_its_draws_stay() {
         assert_eq!(after.lines().count(), 16 * runs, "nothing was run twice");
         assert!(after.starts_with(&before), "what was there stays");
         sweep(&file, &at_once, &[]);
-        same(&out(&grown), &out(&at_once));
-        let said = sweep(&file, &grown, &["--points", "6"]);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        assert_same_files(&out(&grown), &out(&at_once));
+        let output = sweep(&file, &grown, &["--points", "6"]);
+        assert_eq!(output.code, Some(2), "{output:?}");
         assert!(
-            said.err
+            output
+                .err
                 .contains(&format!("has {} points and not {}", 16 * runs, 6 * runs)),
-            "{said:?}"
+            "{output:?}"
         );
-        let file = drawn(&folder, &SPRINGS.replace("0.3 mm", "0.4 mm"));
-        let said = sweep(&file, &grown, &["--points", "20"]);
-        assert!(said.err.contains("the campaign file is not the same"), "{said:?}");
+        let file = write_campaign(&folder, &SPRINGS.replace("0.3 mm", "0.4 mm"));
+        let output = sweep(&file, &grown, &["--points", "20"]);
+        assert!(output.err.contains("the campaign file is not the same"), "{output:?}");
     }
-    let refused = |file: &Path, name: &str, more: &[&str], parts: &[&str]| {
-        let said = sweep(file, name, more);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert_eq!(said.err.matches("error:").count(), 1, "{said:?}");
+    let assert_refused = |file: &Path, name: &str, more: &[&str], parts: &[&str]| {
+        let output = sweep(file, name, more);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert_eq!(output.err.matches("error:").count(), 1, "{output:?}");
         for part in parts {
-            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+            assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
         }
     };
-    let file = drawn(&folder, &SPRINGS.replace("\"sobol\"", "\"latin-hypercube\""));
+    let file = write_campaign(&folder, &SPRINGS.replace("\"sobol\"", "\"latin-hypercube\""));
     sweep(&file, "hypercube", &["--points", "4"]);
     let parts = [
         "4 points of a Latin hypercube",
         "cannot become one of 16",
         "random or sobol",
     ];
-    refused(&file, "hypercube", &[], &parts);
+    assert_refused(&file, "hypercube", &[], &parts);
     let grid = "scenario = \"../springs.toml\"\nseeds = \"same\"\n\n[vary.late]\nkey = \"connections.to-right.delay\"\n\
                 distribution = \"discrete\"\nvalues = [\"0 ms\", \"10 ms\"]\ndesign = \"grid\"\n";
-    let file = drawn(&folder, grid);
-    refused(
+    let file = write_campaign(&folder, grid);
+    assert_refused(
         &file,
         "grid",
         &["--points", "4"],
@@ -253,7 +256,7 @@ fn drawn_campaign_grows_where_its_draws_stay() {
     );
     assert!(!out("grid").exists(), "nothing is written");
     let scenario = out("springs.toml");
-    refused(
+    assert_refused(
         &scenario,
         "none",
         &["--points", "4"],
@@ -262,16 +265,16 @@ fn drawn_campaign_grows_where_its_draws_stay() {
 }
 
 #[test]
-fn drawn_point_runs_alone_is_kept_and_counts_until_enough_is_known() {
+fn drawn_point_is_rerun_kept_and_counted_by_the_stopping_rule() {
     let folder = Folder::new("drawn-point-again");
     let out = |name: &str| folder.path().join(name);
-    let file = drawn(&folder, SPRINGS);
+    let file = write_campaign(&folder, SPRINGS);
     let sweep = |name: &str, more: &[&str]| {
         let place = out(name);
-        orchestrate(&[&["sweep", text(&file), "--out", text(&place)], more].concat())
+        run_orchestrator(&[&["sweep", text(&file), "--out", text(&place)], more].concat())
     };
-    let said = sweep("swept", &["--json", "--digest", "--keep", "worst:2"]);
-    let rows = said.json()["rows"].as_array().unwrap().clone();
+    let output = sweep("swept", &["--json", "--digest", "--keep", "worst:2"]);
+    let rows = output.json()["rows"].as_array().unwrap().clone();
     assert_eq!(std::fs::read_dir(out("swept/runs")).unwrap().count(), 2);
     let there = |refused: bool| {
         rows.iter()
@@ -280,7 +283,7 @@ fn drawn_point_runs_alone_is_kept_and_counts_until_enough_is_known() {
     };
     let point = |row: &serde_json::Value| format!("{}:{}", out("swept").display(), row["point"]);
     let run = out("run");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         "--point",
         &point(there(false)),
@@ -289,13 +292,13 @@ fn drawn_point_runs_alone_is_kept_and_counts_until_enough_is_known() {
         "--out",
         text(&run),
     ]);
-    assert_eq!(said.json()["tape_digest"], there(false)["tape_digest"], "{said:?}");
+    assert_eq!(output.json()["tape_digest"], there(false)["tape_digest"], "{output:?}");
     // A sample that cannot be drawn is not run, and in particular not replaced by the nominal scenario.
-    let said = orchestrate(&["run", "--point", &point(there(true)), "--out", text(&out("no"))]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&["run", "--point", &point(there(true)), "--out", text(&out("no"))]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err.contains("cannot be run") && said.err.contains("vary.ratio"),
-        "{said:?}"
+        output.err.contains("cannot be run") && output.err.contains("vary.ratio"),
+        "{output:?}"
     );
     let until = ["--until", "met within 25 %", "--quiet", "--digest", "--workers"];
     sweep("until-1", &[&until[..], &["1"]].concat());

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use escapement_tests::program::{Folder, Said, orchestrate, root, text};
-use escapement_tests::world::oscillator;
+use escapement_tests::fixture::write_oscillator;
+use escapement_tests::program::{Folder, ProgramOutput, root, run_orchestrator, text};
 use tape::{EventKind, Reader, Source};
 
 const CLOSE: [&str; 8] = [
@@ -17,7 +17,7 @@ const CLOSE: [&str; 8] = [
     "name=gone,at=0.6s,input=controller.measured,field=qdot,kind=dropout,probability=0.2",
 ];
 
-fn close(out: &Path, faults: &[&str], more: &[&str]) -> Said {
+fn close(out: &Path, faults: &[&str], more: &[&str]) -> ProgramOutput {
     let scenario = root().join("scenarios/close.toml");
     let mut arguments = vec![
         "run",
@@ -32,7 +32,7 @@ fn close(out: &Path, faults: &[&str], more: &[&str]) -> Said {
         arguments.extend(["--fault", fault]);
     }
     arguments.extend(more);
-    orchestrate(&arguments)
+    run_orchestrator(&arguments)
 }
 
 /// Element `element` of every sample of `stream`, with the stamps.
@@ -52,12 +52,12 @@ fn values(run: &Path, stream: &str, field: &str, element: usize) -> Vec<(f64, f6
 }
 
 #[test]
-fn a_faulty_run_is_the_same_bits_in_processes_and_in_one() {
+fn faulted_run_is_bit_identical_in_processes_and_in_one() {
     let folder = Folder::new("faulty");
     let digest = |name: &str, more: &[&str]| {
-        let said = close(&folder.path().join(name), &CLOSE, more);
-        assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
-        said.json()["tape_digest"].as_str().unwrap().to_owned()
+        let output = close(&folder.path().join(name), &CLOSE, more);
+        assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
+        output.json()["tape_digest"].as_str().unwrap().to_owned()
     };
     let first = digest("processes", &[]);
     assert_eq!(digest("in-process", &["--in-process"]), first);
@@ -65,8 +65,8 @@ fn a_faulty_run_is_the_same_bits_in_processes_and_in_one() {
     // The plan in the run folder repeats the run, faults included.
     let plan = folder.path().join("processes/plan.toml");
     let again = folder.path().join("again");
-    let said = orchestrate(&["run", text(&plan), "--out", text(&again), "--json", "--in-process"]);
-    assert_eq!(said.json()["tape_digest"], first.as_str(), "{said:?}");
+    let output = run_orchestrator(&["run", text(&plan), "--out", text(&again), "--json", "--in-process"]);
+    assert_eq!(output.json()["tape_digest"], first.as_str(), "{output:?}");
     assert_ne!(digest("healthy", &[]).len(), 0);
     let healthy = close(&folder.path().join("none"), &[], &["--in-process"]).json();
     assert_ne!(healthy["tape_digest"], first.as_str());
@@ -97,12 +97,12 @@ fn a_faulty_run_is_the_same_bits_in_processes_and_in_one() {
 }
 
 #[test]
-fn the_tape_has_what_was_given_and_what_was_seen() {
+fn tape_has_the_published_and_the_faulted_input() {
     let folder = Folder::new("seen");
     let (run, bias) = (folder.path().join("run"), "0.2 deg");
     let fault = format!("at=0.2s,until=0.4s,input=controller.measured,field=q[3],kind=bias,value={bias}");
-    let said = close(&run, &[&fault], &["--in-process"]);
-    assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+    let output = close(&run, &[&fault], &["--in-process"]);
+    assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
     let given = values(&run, "plant.measured", "q", 3);
     let seen = values(&run, "controller.seen.measured", "q", 3);
     assert_eq!(seen.len(), 80);
@@ -125,33 +125,33 @@ fn the_tape_has_what_was_given_and_what_was_seen() {
     assert!(reader.stream("guidance.seen.measured").is_err());
     for format in ["csv", "parquet", "mcap"] {
         let to = folder.path().join(format);
-        let said = orchestrate(&["export", text(&run), "--to", format, "--out", text(&to)]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_orchestrator(&["export", text(&run), "--to", format, "--out", text(&to)]);
+        assert_eq!(output.code, Some(0), "{output:?}");
     }
     assert!(folder.path().join("csv/controller.seen.measured.csv").is_file());
 }
 
 #[test]
-fn a_faulty_participant_is_replayed_with_what_it_saw() {
+fn participant_is_replayed_with_its_faulted_inputs() {
     let folder = Folder::new("replayed");
     let run = folder.path().join("run");
-    let said = close(&run, &CLOSE, &["--in-process"]);
-    assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+    let output = close(&run, &CLOSE, &["--in-process"]);
+    assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
     for participant in ["controller", "guidance", "plant"] {
-        let said = orchestrate(&["replay", text(&run), "--participant", participant]);
-        assert_eq!(said.code, Some(0), "{participant}: {said:?}");
+        let output = run_orchestrator(&["replay", text(&run), "--participant", participant]);
+        assert_eq!(output.code, Some(0), "{participant}: {output:?}");
     }
 }
 
 /// The effect of a NaN injected by a fault: the participant sees it, and its consequences are reported with the fault's name.
 #[test]
-fn a_flipped_exponent_reaches_the_participant_and_is_named_when_that_fails() {
+fn flipped_exponent_is_named_when_its_participant_fails() {
     let folder = Folder::new("flip");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let fault = "name=ray,at=5s,until=6s,input=damper.motion,field=velocity,kind=stuck,value=1e308 m/s";
     let scale = "name=amplifier,at=5s,until=6s,input=damper.motion,field=velocity,kind=scale,value=1e10";
     let run = folder.path().join("run");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         text(&scenario),
         "--out",
@@ -161,7 +161,7 @@ fn a_flipped_exponent_reaches_the_participant_and_is_named_when_that_fails() {
         "--fault",
         scale,
     ]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    assert_eq!(output.code, Some(1), "{output:?}");
     for part in [
         "`damper`",
         "t = 5 s",
@@ -171,21 +171,21 @@ fn a_flipped_exponent_reaches_the_participant_and_is_named_when_that_fails() {
         "`ray`",
         "`amplifier`",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
     // Up to this instant the tape is complete.
     assert_eq!(values(&run, "damper.push", "force", 0).len(), 500);
 }
 
 #[test]
-fn a_late_link_reads_older_samples_and_then_the_newest() {
+fn delayed_link_reads_older_samples_and_then_the_newest() {
     let folder = Folder::new("late");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let run = folder.path().join("run");
     let late = "at=1s,until=1.1s,connection=motion,extra-delay=35ms";
     // A bias of zero records what the damper sees.
     let look = "at=0s,input=damper.motion,field=position,kind=bias,value=0 m";
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         text(&scenario),
         "--out",
@@ -195,7 +195,7 @@ fn a_late_link_reads_older_samples_and_then_the_newest() {
         "--fault",
         look,
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     let given = values(&run, "plant.motion", "position", 0);
     let seen = values(&run, "damper.seen.motion", "position", 0);
     for (k, &(_, saw)) in seen.iter().enumerate() {
@@ -209,12 +209,12 @@ fn a_late_link_reads_older_samples_and_then_the_newest() {
     }
 }
 
-fn refused(fault: &str, parts: &[&str]) {
+fn assert_fault_refused(fault: &str, parts: &[&str]) {
     let scenario = root().join("scenarios/close.toml");
-    let said = orchestrate(&["check", text(&scenario), "--fault", fault]);
-    assert_eq!(said.code, Some(2), "{fault}: {said:?}");
+    let output = run_orchestrator(&["check", text(&scenario), "--fault", fault]);
+    assert_eq!(output.code, Some(2), "{fault}: {output:?}");
     for part in parts {
-        assert!(said.err.contains(part), "{fault}: `{part}` is not in: {}", said.err);
+        assert!(output.err.contains(part), "{fault}: `{part}` is not in: {}", output.err);
     }
 }
 
@@ -337,28 +337,28 @@ const REFUSED: [(&str, &[&str]); 33] = [
 ];
 
 #[test]
-fn what_cannot_be_is_refused_with_key_value_and_remedy() {
+fn invalid_fault_is_refused_with_key_value_and_remedy() {
     for (fault, parts) in REFUSED {
-        refused(fault, parts);
+        assert_fault_refused(fault, parts);
     }
 }
 
 /// In the file, every mistake is reported with its line, and all are reported at once.
 #[test]
-fn mistakes_in_the_file_have_their_lines() {
+fn errors_in_faults_name_their_lines() {
     let folder = Folder::new("lines");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let healthy = std::fs::read_to_string(&scenario).unwrap();
     let lines = healthy.lines().count();
     let faults = "\n[[faults]]\nat = \"1 s\"\nconnection = \"motion\"\ndrop = 2.0\n\n[[faults]]\nname = \"worn\"\nat = \"1 s\"\n\
                   connection = \"nothing\"\ndrop = 0.5\n";
     let scenario = folder.write("faulty.toml", &format!("{healthy}{faults}"));
-    let said = orchestrate(&["check", text(&scenario)]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&["check", text(&scenario)]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in [
         format!("faulty.toml:{}: faults.fault-1.drop: 2 ", lines + 5),
         format!("faulty.toml:{}: faults.worn.connection: ", lines + 10),
     ] {
-        assert!(said.err.contains(&part), "`{part}` is not in: {}", said.err);
+        assert!(output.err.contains(&part), "`{part}` is not in: {}", output.err);
     }
 }

@@ -1,15 +1,15 @@
 //! Connections by fields that do not fit are rejected before anything runs, with key, value and remedy.
 
-use escapement_tests::program::{Folder, Said, orchestrate, root, text};
+use escapement_tests::program::{Folder, ProgramOutput, root, run_orchestrator, text};
 
 /// `wired.toml` with `sets` is rejected with each of these texts.
-fn refused(sets: &[&str], words: &[&str]) {
+fn assert_refused(sets: &[&str], words: &[&str]) {
     let mut arguments = vec!["check", "examples/fmu/wired.toml"];
     sets.iter().for_each(|set| arguments.extend(["--set", set]));
-    let said = orchestrate(&arguments);
-    assert_eq!(said.code, Some(2), "{sets:?}: {said:?}");
+    let output = run_orchestrator(&arguments);
+    assert_eq!(output.code, Some(2), "{sets:?}: {output:?}");
     for word in words {
-        assert!(said.err.contains(word), "{sets:?}: `{word}` is not in {}", said.err);
+        assert!(output.err.contains(word), "{sets:?}: `{word}` is not in {}", output.err);
     }
 }
 
@@ -66,7 +66,7 @@ fn field_that_does_not_fit_is_refused_with_key_value_and_remedy() {
         ("7", &["`7` is not a map", "by-name"]),
         ("\"by-name\"", &["no field or element `position`"]),
     ] {
-        refused(&[&map(entry)], words);
+        assert_refused(&[&map(entry)], words);
     }
 }
 
@@ -134,7 +134,7 @@ fn connection_by_fields_that_contradicts_itself_is_refused() {
             &["connections.where.from", "`mass..position` is not a port"],
         ),
     ] {
-        refused(sets, words);
+        assert_refused(sets, words);
     }
     let frames = "participants.ball.run.ports={ outputs = [{ variable = \"h\", frame = \"B\" }, \"v\"] }";
     let any = [
@@ -145,13 +145,13 @@ fn connection_by_fields_that_contradicts_itself_is_refused() {
         "--set",
         "connections.pull.frames=any",
     ];
-    let said = orchestrate(&any);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert!(said.out.contains("(frame B to frame N)"), "{said:?}");
+    let output = run_orchestrator(&any);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert!(output.out.contains("(frame B to frame N)"), "{output:?}");
 }
 
 /// A gauge whose inputs have many types, fed by another one.
-fn types(map: &str) -> Said {
+fn types(map: &str) -> ProgramOutput {
     let folder = Folder::new("fields-types");
     let gauge = root().join("tests/fmus/reference/fmi3/Feedthrough.fmu");
     let scenario = folder.write(
@@ -164,7 +164,7 @@ fn types(map: &str) -> Said {
             format_args!("\"{}\"", map.split(' ').next().unwrap_or_default())
         ),
     );
-    orchestrate(&["check", text(&scenario)])
+    run_orchestrator(&["check", text(&scenario)])
 }
 
 #[test]
@@ -178,8 +178,8 @@ fn types_are_converted_where_no_value_is_lost() {
         "Int64_input = { value = 9007199254740991 }",
         "UInt8_input = 255",
     ] {
-        let said = types(map);
-        assert_eq!(said.code, Some(0), "{map}: {said:?}");
+        let output = types(map);
+        assert_eq!(output.code, Some(0), "{map}: {output:?}");
     }
     for (map, words) in [
         (
@@ -206,10 +206,10 @@ fn types_are_converted_where_no_value_is_lost() {
         ("Int32_input = 0.5", "cannot always be 0.5"),
         ("Float64_continuous_input = nan", "is"),
     ] {
-        let said = types(map);
+        let output = types(map);
         assert!(
-            said.code == Some(2) && said.err.contains(words) && said.err.contains("types.toml:"),
-            "{map}: {said:?}"
+            output.code == Some(2) && output.err.contains(words) && output.err.contains("types.toml:"),
+            "{map}: {output:?}"
         );
     }
 }

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use escapement_tests::compiler::{Workshop, examples, library};
-use escapement_tests::program::{Folder, Said, built, call, orchestrate, root, text};
+use escapement_tests::compiler::{NativeBuild, examples, library_override};
+use escapement_tests::program::{Folder, ProgramOutput, built, root, run_orchestrator, run_program, text};
 
 const TANK: &str = "examples/tank/tank.toml";
 const CROSSING: &str = "examples/c/crossing.toml";
@@ -12,33 +12,33 @@ const BEACON: &str = "examples/c/beacon.toml";
 /// The changes that name the plug-in of the beacon.
 fn beacon_sets() -> [String; 2] {
     let file = examples().path("c/libbeacon.so");
-    ["beacon", "station"].map(|name| library(name, &file, Some(name)))
+    ["beacon", "station"].map(|name| library_override(name, &file, Some(name)))
 }
 
 /// A command for the beacon's scenario.
-fn beacon(command: &str, more: &[&str]) -> Said {
+fn beacon(command: &str, more: &[&str]) -> ProgramOutput {
     let sets = beacon_sets();
     let mut all = vec![command, BEACON];
     sets.iter().for_each(|set| all.extend(["--set", set]));
     all.extend(more);
-    orchestrate(&all)
+    run_orchestrator(&all)
 }
 
-fn tank(arguments: &[&str]) -> Said {
-    call(&built().join("tank"), arguments)
+fn tank(arguments: &[&str]) -> ProgramOutput {
+    run_program(&built().join("tank"), arguments)
 }
 
 /// The error message of the tank's scenario with one change.
-fn refused(set: &str) -> String {
-    let said = tank(&["check", TANK, "--set", set]);
-    assert_eq!(said.code, Some(2), "{set}: {said:?}");
-    said.err
+fn check_refusal(set: &str) -> String {
+    let output = tank(&["check", TANK, "--set", set]);
+    assert_eq!(output.code, Some(2), "{set}: {output:?}");
+    output.err
 }
 
 /// Checks that the tape is the same from processes, from one loop, and resumed in the middle, in either way.
-fn one_tape(folder: &Folder, run: &dyn Fn(&[&str]) -> Said) {
+fn assert_one_tape(folder: &Folder, run: &dyn Fn(&[&str]) -> ProgramOutput) {
     let path = |name: &str| folder.path().join(name);
-    let done = |said: Said| assert_eq!(said.code, Some(0), "{said:?}");
+    let done = |output: ProgramOutput| assert_eq!(output.code, Some(0), "{output:?}");
     let (first, within) = (path("processes"), path("within"));
     done(run(&["run", "--out", text(&first), "--checkpoint-every", "17s"]));
     done(run(&[
@@ -53,11 +53,11 @@ fn one_tape(folder: &Folder, run: &dyn Fn(&[&str]) -> Said) {
         let to = path(to);
         let mut arguments = vec!["resume", text(from), "--from", "34s", "--quiet", "--out", text(&to)];
         arguments.extend(how);
-        done(orchestrate(&arguments));
+        done(run_orchestrator(&arguments));
     }
     for name in ["within", "again", "again-within"] {
-        let said = orchestrate(&["compare", text(&first), text(&path(name))]);
-        assert_eq!(said.code, Some(0), "{name}: {said:?}");
+        let output = run_orchestrator(&["compare", text(&first), text(&path(name))]);
+        assert_eq!(output.code, Some(0), "{name}: {output:?}");
     }
 }
 
@@ -66,16 +66,16 @@ fn named_values_of_rust_and_cpp_give_one_tape() {
     let folder = Folder::new("tank");
     let run = |arguments: &[&str]| tank(&[&[arguments[0], TANK, "--quiet"], &arguments[1..]].concat());
     let (first, cpp) = (folder.path().join("processes"), folder.path().join("cpp"));
-    let said = run(&["run", "--out", text(&first), "--checkpoint-every", "17s"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run(&["run", "--out", text(&first), "--checkpoint-every", "17s"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let within = folder.path().join("within");
-    let said = run(&["run", "--out", text(&within), "--in-process"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let set = library("operator", &examples().path("cpp/liboperator.so"), None);
-    let said = run(&["run", "--out", text(&cpp), "--set", &set]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run(&["run", "--out", text(&within), "--in-process"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let set = library_override("operator", &examples().path("cpp/liboperator.so"), None);
+    let output = run(&["run", "--out", text(&cpp), "--set", &set]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let again = folder.path().join("again");
-    let said = tank(&[
+    let output = tank(&[
         "resume",
         text(&first),
         "--from",
@@ -84,10 +84,10 @@ fn named_values_of_rust_and_cpp_give_one_tape() {
         "--out",
         text(&again),
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     for other in [&within, &cpp, &again] {
-        let said = orchestrate(&["compare", text(&first), text(other)]);
-        assert_eq!(said.code, Some(0), "{}: {said:?}", other.display());
+        let output = run_orchestrator(&["compare", text(&first), text(other)]);
+        assert_eq!(output.code, Some(0), "{}: {output:?}", other.display());
     }
     let figures = tank(&[
         "run",
@@ -107,18 +107,18 @@ fn named_values_of_c_give_one_tape() {
     let folder = Folder::new("crossing");
     let file = examples().path("c/libcrossing.so");
     let sets = [
-        library("light", &file, Some("light")),
-        library("crowd", &file, Some("crowd")),
+        library_override("light", &file, Some("light")),
+        library_override("crowd", &file, Some("crowd")),
     ];
-    one_tape(&folder, &|arguments| {
+    assert_one_tape(&folder, &|arguments| {
         let mut all = vec![arguments[0], CROSSING, "--quiet"];
         sets.iter().for_each(|set| all.extend(["--set", set]));
         all.extend(&arguments[1..]);
-        orchestrate(&all)
+        run_orchestrator(&all)
     });
-    let said = orchestrate(&["export", text(&folder.path().join("within")), "--to", "csv"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let table = walk(folder.path(), "light.signal.csv");
+    let output = run_orchestrator(&["export", text(&folder.path().join("within")), "--to", "csv"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let table = read_file_below(folder.path(), "light.signal.csv");
     assert!(
         table.starts_with("t [s],phase,walk,left [s]\n0.0,green,0,0\n"),
         "{table}"
@@ -129,13 +129,13 @@ fn named_values_of_c_give_one_tape() {
 #[test]
 fn texts_and_bytes_give_one_tape_and_are_exported() {
     let folder = Folder::new("beacon");
-    one_tape(&folder, &|arguments| {
+    assert_one_tape(&folder, &|arguments| {
         beacon(arguments[0], &[&["--quiet"], &arguments[1..]].concat())
     });
     let out = folder.path().join("within");
-    let said = orchestrate(&["export", text(&out), "--to", "csv"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let table = walk(folder.path(), "beacon.beacon.csv");
+    let output = run_orchestrator(&["export", text(&out), "--to", "csv"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let table = read_file_below(folder.path(), "beacon.beacon.csv");
     let lines: Vec<&str> = table.lines().collect();
     assert!(
         lines[0].starts_with("t [s],count [1],frame,phase,state"),
@@ -150,20 +150,20 @@ fn texts_and_bytes_give_one_tape_and_are_exported() {
     let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
     assert_eq!(summary["measures"]["words"]["value"], 59.0, "{summary}");
     for format in ["parquet", "mat", "mcap"] {
-        let said = orchestrate(&["export", text(&out), "--to", format]);
-        assert_eq!(said.code, Some(0), "{format}: {said:?}");
+        let output = run_orchestrator(&["export", text(&out), "--to", format]);
+        assert_eq!(output.code, Some(0), "{format}: {output:?}");
     }
-    let said = orchestrate(&["report", text(&out)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["report", text(&out)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 #[test]
-fn foreign_text_without_a_meaning_ends_the_run() {
+fn invalid_text_from_a_foreign_program_ends_the_run() {
     let folder = Folder::new("garbled");
     let good = std::fs::read_to_string(root().join("examples/c/beacon.c")).unwrap();
     let last = "    memcpy(outputs[0], beacon, sizeof *beacon);\n";
     assert!(good.contains(last));
-    let shop = Workshop::open("garbled");
+    let native_build = NativeBuild::new("garbled");
     let words = "its output `beacon` has ";
     for (name, line, reason) in [
         (
@@ -189,21 +189,21 @@ fn foreign_text_without_a_meaning_ends_the_run() {
     ] {
         let spoilt = good.replace(last, &format!("    if (step->index == 6) {line}\n{last}"));
         let file = folder.write(&format!("{name}.c"), &spoilt);
-        let plugin = shop.plugin(text(&file), &format!("lib{name}.so"), &[]);
-        let set = library("beacon", &plugin, Some("beacon"));
+        let plugin = native_build.plugin(text(&file), &format!("lib{name}.so"), &[]);
+        let set = library_override("beacon", &plugin, Some("beacon"));
         for how in [&[][..], &["--in-process"]] {
             let out = folder.path().join(format!("{name}{}", how.len()));
-            let said = beacon("run", &[&["--quiet", "--set", &set, "--out", text(&out)], how].concat());
-            assert_eq!(said.code, Some(1), "{said:?}");
+            let output = beacon("run", &[&["--quiet", "--set", &set, "--out", text(&out)], how].concat());
+            assert_eq!(output.code, Some(1), "{output:?}");
             for part in ["`beacon`", "t = 3 s", words, reason] {
-                assert!(said.err.contains(part), "{part}: {said:?}");
+                assert!(output.err.contains(part), "{part}: {output:?}");
             }
         }
     }
 }
 
 #[test]
-fn what_makes_no_sense_of_texts_is_refused() {
+fn invalid_use_of_a_text_field_is_refused() {
     let two = "connections.beacon={ from = \"beacon.beacon\", to = \"station.beacon\", map = ";
     let rest = "count = \"count\", frame = \"frame\", state = \"state\" } }";
     let map = |phase: &str| format!("{two}{{ phase = {phase}, {rest}");
@@ -251,9 +251,9 @@ fn what_makes_no_sense_of_texts_is_refused() {
             "has no place on an axis",
         ),
     ] {
-        let said = beacon("check", &["--set", &set]);
-        assert_eq!(said.code, Some(2), "{set}: {said:?}");
-        assert!(said.err.contains(words), "{set}: {said:?}");
+        let output = beacon("check", &["--set", &set]);
+        assert_eq!(output.code, Some(2), "{set}: {output:?}");
+        assert!(output.err.contains(words), "{set}: {output:?}");
     }
 }
 
@@ -267,26 +267,26 @@ fn texts_are_stuck_guarded_and_mapped() {
         beacon("run", &more)
     };
     let stuck = "faults=[{ at = \"10 s\", output = \"beacon.beacon\", field = \"phase\", kind = \"stuck\" }]";
-    let said = run(
+    let output = run(
         "stuck",
         &[
             stuck,
             "guards.g={ output = \"station.station\", field = \"answer\", frozen-for = \"5 s\" }",
         ],
     );
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("frozen: answer = \"<"), "{said:?}");
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.err.contains("frozen: answer = \"<"), "{output:?}");
     let map = "connections.beacon.map={ count = \"count\", frame = \"frame\", phase = \"phase\", state = \"state\" }";
     for (name, sets) in [("plain", &[][..]), ("mapped", &[map])] {
-        let said = run(name, sets);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run(name, sets);
+        assert_eq!(output.code, Some(0), "{output:?}");
     }
     let tape = |name: &str| std::fs::read(folder.path().join(name).join("tape/station.station.bin")).unwrap();
     assert_eq!(tape("mapped"), tape("plain"));
 }
 
 /// The text of the file `name` somewhere below `folder`.
-fn walk(folder: &Path, name: &str) -> String {
+fn read_file_below(folder: &Path, name: &str) -> String {
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).expect("it can be read").map(Result::unwrap) {
@@ -301,14 +301,14 @@ fn walk(folder: &Path, name: &str) -> String {
 }
 
 #[test]
-fn byte_without_a_meaning_ends_the_run_with_field_and_value() {
+fn undefined_enumeration_value_ends_run_with_field_and_value() {
     let folder = Folder::new("spoilt");
     let source = |name: &str, from: &str, to: &str| {
         let good = std::fs::read_to_string(root().join("examples/cpp/operator.cpp")).unwrap();
         assert!(good.contains(from));
         folder.write(name, &good.replace(from, to))
     };
-    let shop = Workshop::open("spoilt");
+    let native_build = NativeBuild::new("spoilt");
     let last = "        *output = order;\n";
     for (name, line, words) in [
         (
@@ -326,22 +326,22 @@ fn byte_without_a_meaning_ends_the_run_with_field_and_value() {
         let spoilt = std::fs::read_to_string(&file).unwrap();
         let spoilt = spoilt.replace("const escapement::Step &)", "const escapement::Step &step)");
         std::fs::write(&file, spoilt).unwrap();
-        let plugin = shop.plugin(text(&file), &format!("lib{name}.so"), &[]);
+        let plugin = native_build.plugin(text(&file), &format!("lib{name}.so"), &[]);
         for how in [&[][..], &["--in-process"]] {
             let out = folder.path().join(format!("{name}{}", how.len()));
-            let set = library("operator", &plugin, None);
+            let set = library_override("operator", &plugin, None);
             let arguments = [&["run", TANK, "--quiet", "--set", &set, "--out", text(&out)], how].concat();
-            let said = tank(&arguments);
-            assert_eq!(said.code, Some(1), "{said:?}");
+            let output = tank(&arguments);
+            assert_eq!(output.code, Some(1), "{output:?}");
             for part in ["`operator`", "t = 3 s", words] {
-                assert!(said.err.contains(part), "{part}: {said:?}");
+                assert!(output.err.contains(part), "{part}: {output:?}");
             }
         }
     }
 }
 
 #[test]
-fn what_makes_no_sense_of_names_is_refused() {
+fn invalid_use_of_an_enumeration_field_is_refused() {
     for (set, words) in [
         (
             "connections.order.initial={ valve = \"Opened\" }",
@@ -380,8 +380,8 @@ fn what_makes_no_sense_of_names_is_refused() {
             "asks for a value of an enumeration",
         ),
     ] {
-        let said = refused(set);
-        assert!(said.contains(words), "{set}: {said}");
+        let output = check_refusal(set);
+        assert!(output.contains(words), "{set}: {output}");
     }
 }
 
@@ -397,20 +397,20 @@ fn names_are_stuck_guarded_and_mapped() {
     // The valve sticks: the tank overflows, and the operator does not know.
     let stuck = "faults=[{ at = \"3 s\", output = \"operator.order\", field = \"valve\", kind = \"stuck\", value = \"Filling\" }]";
     let dry = "guards.g={ output = \"tank.gauge\", field = \"level\", range = \"[0, 2] m\" }";
-    let said = run("stuck", &[stuck, dry]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("outside of 0 to 2 m"), "{said:?}");
+    let output = run("stuck", &[stuck, dry]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.err.contains("outside of 0 to 2 m"), "{output:?}");
 
     let never = "guards.g={ output = \"operator.order\", field = \"valve\", never = [\"Draining\"] }";
-    let said = run("never", &[never]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = run("never", &[never]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     let words = "with valve = Draining, which must never be (guard `g`)";
-    assert!(said.err.contains(words), "{said:?}");
+    assert!(output.err.contains(words), "{output:?}");
 
     // The same enumeration by fields, and a truth value that always holds.
     let map = "connections.order.map={ valve = \"valve\", seen_full = true }";
-    let said = run("mapped", &[map]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run("mapped", &[map]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let plain = run("plain", &[]);
     assert_eq!(plain.code, Some(0), "{plain:?}");
     let level = |name: &str| std::fs::read(folder.path().join(name).join("tape/tank.gauge.bin")).unwrap();

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use escapement_tests::compiler::examples;
-use escapement_tests::fmus::Recipe;
-use escapement_tests::program::{Folder, Said, built, orchestrate, participant, root, text};
+use escapement_tests::fmus::TestFmu;
+use escapement_tests::program::{Folder, ProgramOutput, built, participant, root, run_orchestrator, text};
 use tape::{Reader, Source};
 
 /// All values of a field of a stream, in its own unit.
@@ -24,50 +24,50 @@ fn values(run: &Path, stream: &str, field: &str) -> Vec<f64> {
     .collect()
 }
 
-fn ran(scenario: &Path, out: &Path, more: &[&str]) {
+fn run_complete(scenario: &Path, out: &Path, more: &[&str]) {
     let mut arguments = vec!["run", text(scenario), "--out", text(out), "--quiet"];
     arguments.extend(more);
-    let said = orchestrate(&arguments);
-    assert!(matches!(said.code, Some(0 | 3)), "{more:?}: {said:?}");
+    let output = run_orchestrator(&arguments);
+    assert!(matches!(output.code, Some(0 | 3)), "{more:?}: {output:?}");
 }
 
-fn same(one: &Path, other: &Path) {
-    let said = orchestrate(&["compare", text(one), text(other)]);
-    assert_eq!(said.code, Some(0), "{}: {said:?}", other.display());
+fn assert_same_tape(one: &Path, other: &Path) {
+    let output = run_orchestrator(&["compare", text(one), text(other)]);
+    assert_eq!(output.code, Some(0), "{}: {output:?}", other.display());
 }
 
 /// Runs `scenario` in processes, in one if possible, resumed from `at`, and replays each of `participants`: one tape. Returns the run.
-fn every_way(folder: &Folder, scenario: &Path, at: &str, participants: &[&str]) -> PathBuf {
+fn assert_one_tape(folder: &Folder, scenario: &Path, at: &str, participants: &[&str]) -> PathBuf {
     let path = |name: &str| folder.path().join(name);
     let (apart, whole, resumed) = (path("apart"), path("whole"), path("resumed"));
-    ran(scenario, &apart, &["--checkpoint-at", at]);
+    run_complete(scenario, &apart, &["--checkpoint-at", at]);
     let programs = std::fs::read_to_string(scenario)
         .expect("the scenario is there")
         .contains("exe =");
     let ways: &[&[&str]] = if programs { &[&[]] } else { &[&[], &["--in-process"]] };
     for &more in ways {
-        ran(scenario, &whole, &[&["--force"][..], more].concat());
-        same(&apart, &whole);
+        run_complete(scenario, &whole, &[&["--force"][..], more].concat());
+        assert_same_tape(&apart, &whole);
         let mut arguments = vec!["resume", text(&apart), "--out", text(&resumed), "--force", "--quiet"];
         arguments.extend(more);
-        let said = orchestrate(&arguments);
-        assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
-        same(&apart, &resumed);
+        let output = run_orchestrator(&arguments);
+        assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
+        assert_same_tape(&apart, &resumed);
     }
     for participant in participants {
-        let said = orchestrate(&["replay", text(&apart), "--participant", participant]);
-        assert_eq!(said.code, Some(0), "{participant}: {said:?}");
+        let output = run_orchestrator(&["replay", text(&apart), "--participant", participant]);
+        assert_eq!(output.code, Some(0), "{participant}: {output:?}");
     }
     apart
 }
 
 /// A spring and a damper that push each other, wired by `wires`.
-fn two_fmus(folder: &Folder, ports: [&str; 2], wires: &str) -> PathBuf {
-    let damper = Recipe {
+fn write_two_fmus(folder: &Folder, ports: [&str; 2], wires: &str) -> PathBuf {
+    let damper = TestFmu {
         damper: true,
-        ..Recipe::new(2)
+        ..TestFmu::new(2)
     };
-    let (spring, damper) = (Recipe::new(3).build(folder, "spring"), damper.build(folder, "damper"));
+    let (spring, damper) = (TestFmu::new(3).build(folder, "spring"), damper.build(folder, "damper"));
     folder.write(
         "fmus.toml",
         &format!(
@@ -87,14 +87,14 @@ const BY_FIELDS: &str = "[connections.speed]\nfrom = \"mass.outputs.v\"\nto = \"
 #[test]
 fn fmus_wired_by_fields_have_the_tape_of_fmus_wired_by_ports() {
     let folder = Folder::new("fields-fmus");
-    let wired = two_fmus(&folder, ["", ""], BY_FIELDS);
-    let run = every_way(&folder, &wired, "700 ms", &["mass", "damper"]);
+    let wired = write_two_fmus(&folder, ["", ""], BY_FIELDS);
+    let run = assert_one_tape(&folder, &wired, "700 ms", &["mass", "damper"]);
     let other = Folder::new("fields-ports");
     let ports = [", ports = { velocity = [\"v\"], position = [\"x\"] }", ""];
     let wires = "[connections.speed]\nfrom = \"mass.velocity\"\nto = \"damper.inputs\"\ninitial = \"first-sample\"\n\
                  [connections.force]\nfrom = \"damper.outputs\"\nto = \"mass.inputs\"\n";
     let plain = other.path().join("plain");
-    ran(&two_fmus(&other, ports, wires), &plain, &["--in-process"]);
+    run_complete(&write_two_fmus(&other, ports, wires), &plain, &["--in-process"]);
     let bits = |run: &Path, stream: &str, field: &str| -> Vec<u64> {
         values(run, stream, field).into_iter().map(f64::to_bits).collect()
     };
@@ -126,13 +126,13 @@ fn alias_of_a_variable_names_its_field() {
     };
     let ends = "from = \"ball.outputs.h_ft\"\nto = \"gauge.inputs.Float64_continuous_input\"\nfactor = \"1 1/m\"";
     let own = folder.path().join("own");
-    ran(&scenario("own", "h", &map("h")), &own, &[]);
+    run_complete(&scenario("own", "h", &map("h")), &own, &[]);
     assert_eq!(values(&own, "ball.outputs", "h")[0], 2.0);
     for (name, start, wire) in [("map", "h_ft", map("h_ft").as_str()), ("ends", "h", ends)] {
         for way in [&[][..], &["--in-process"]] {
             let out = folder.path().join(format!("{name}{}", way.len()));
-            ran(&scenario(name, start, wire), &out, way);
-            same(&own, &out);
+            run_complete(&scenario(name, start, wire), &out, way);
+            assert_same_tape(&own, &out);
         }
     }
     for (wire, words) in [
@@ -142,30 +142,30 @@ fn alias_of_a_variable_names_its_field() {
         ),
         (map("h_fd"), Some("no field or element `h_fd`")),
     ] {
-        let said = orchestrate(&["check", text(&scenario("checked", "h", &wire))]);
-        assert_eq!(said.code, Some(if words.is_some() { 2 } else { 0 }), "{said:?}");
-        assert!(words.is_none_or(|words| said.err.contains(words)), "{said:?}");
+        let output = run_orchestrator(&["check", text(&scenario("checked", "h", &wire))]);
+        assert_eq!(output.code, Some(if words.is_some() { 2 } else { 0 }), "{output:?}");
+        assert!(words.is_none_or(|words| output.err.contains(words)), "{output:?}");
     }
     // Two names of one value are one value.
     let twice = scenario("twice", "h = \"1 m\", h_ft", &map("h"));
-    let said = orchestrate(&["check", text(&twice)]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&["check", text(&twice)]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in [
         "twice.toml:5: participants.ball.parameters.h_ft",
         "`h` and `h_ft` are one value",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+        assert!(output.err.contains(part), "`{part}` is not in {output:?}");
     }
-    let said = orchestrate(&["fmu", "inspect", text(&ball)]);
-    assert!(said.out.contains("also `h_ft` (Position in feet)"), "{said:?}");
+    let output = run_orchestrator(&["fmu", "inspect", text(&ball)]);
+    assert!(output.out.contains("also `h_ft` (Position in feet)"), "{output:?}");
 }
 
 #[test]
 fn fmu_in_other_units_moves_a_plug_in_and_a_builtin_alike() {
     let folder = Folder::new("fields-units");
-    let damper = Recipe {
+    let damper = TestFmu {
         damper: true,
-        ..Recipe::new(3)
+        ..TestFmu::new(3)
     };
     let damper = damper.build(&folder, "damper");
     let plant = examples().path("c/libplant.so");
@@ -187,10 +187,10 @@ fn fmu_in_other_units_moves_a_plug_in_and_a_builtin_alike() {
         )
     };
     let metric = scenario("metric.toml", "", "");
-    let run = every_way(&folder, &metric, "0.3 s", &["plant", "damper", "mass"]);
+    let run = assert_one_tape(&folder, &metric, "0.3 s", &["plant", "damper", "mass"]);
     let ports = ", ports = { inputs = [{ variable = \"v\", unit = \"mm/s\" }], outputs = [{ variable = \"f\", unit = \"kN\" }] }";
     let small = folder.path().join("small");
-    ran(&scenario("small.toml", ports, ""), &small, &[]);
+    run_complete(&scenario("small.toml", ports, ""), &small, &[]);
     for (stream, field) in [("plant.motion", "position"), ("mass.motion", "velocity")] {
         let (one, other) = (values(&run, stream, field), values(&small, stream, field));
         let largest = one.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
@@ -199,21 +199,21 @@ fn fmu_in_other_units_moves_a_plug_in_and_a_builtin_alike() {
             assert!((one - other).abs() < 1e-12 * largest, "{one} {other}");
         }
     }
-    let said = orchestrate(&["check", text(&folder.path().join("small.toml")), "--start"]);
+    let output = run_orchestrator(&["check", text(&folder.path().join("small.toml")), "--start"]);
     for words in [
         "v [mm/s] = 1000 * velocity [m/s] (frame N to no frame)",
         "force [N] = 1000 * f [kN] (no frame to frame N)",
         "position [m] = position [m]",
     ] {
-        assert!(said.out.contains(words), "{words}: {said:?}");
+        assert!(output.out.contains(words), "{words}: {output:?}");
     }
 }
 
 /// The program of an example with `arguments`.
-fn example(program: &str, arguments: &[&str]) -> Said {
+fn example(program: &str, arguments: &[&str]) -> ProgramOutput {
     let mut command = Command::new(built().join(program));
-    let said = command.current_dir(root()).args(arguments).output();
-    Said::from(said.expect("the program can be started"))
+    let output = command.current_dir(root()).args(arguments).output();
+    ProgramOutput::from(output.expect("the program can be started"))
 }
 
 #[test]
@@ -232,26 +232,26 @@ fn examples_wired_by_fields_have_the_tapes_of_their_ports() {
     ];
     for (program, scenario, sets) in cases {
         let (plain, mapped) = (path(&format!("{program}-plain")), path(&format!("{program}-mapped")));
-        let said = example(program, &["run", scenario, "--out", text(&plain), "--quiet"]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = example(program, &["run", scenario, "--out", text(&plain), "--quiet"]);
+        assert_eq!(output.code, Some(0), "{output:?}");
         let mut arguments = vec!["run", scenario, "--out", text(&mapped), "--quiet"];
         sets.iter().for_each(|set| arguments.extend(["--set", set]));
-        let said = example(program, &arguments);
-        assert_eq!(said.code, Some(0), "{said:?}");
-        same(&plain, &mapped);
+        let output = example(program, &arguments);
+        assert_eq!(output.code, Some(0), "{output:?}");
+        assert_same_tape(&plain, &mapped);
         // The plan holds the command-line changes, so it runs again by itself.
         let again = path(&format!("{program}-again"));
-        let said = example(
+        let output = example(
             program,
             &["run", text(&mapped.join("plan.toml")), "--out", text(&again), "--quiet"],
         );
-        assert_eq!(said.code, Some(0), "{said:?}");
-        same(&plain, &again);
+        assert_eq!(output.code, Some(0), "{output:?}");
+        assert_same_tape(&plain, &again);
     }
 }
 
 /// An oscillator whose damper sees its position 5 ms and its velocity 20 ms late, and reads a sum.
-fn oscillator(folder: &Folder, more: &str) -> PathBuf {
+fn write_oscillator_by_fields(folder: &Folder, more: &str) -> PathBuf {
     folder.write(
         "oscillator.toml",
         &format!(
@@ -270,12 +270,17 @@ fn oscillator(folder: &Folder, more: &str) -> PathBuf {
 }
 
 #[test]
-fn fields_with_links_of_their_own_are_one_tape_with_faults_and_resumed() {
+fn separately_linked_fields_give_one_tape_faulted_and_resumed() {
     let folder = Folder::new("fields-faults");
     let faults = "[[faults]]\nat = \"0.4 s\"\nuntil = \"1.2 s\"\nconnection = \"speed\"\nextra-delay = \"30 ms\"\ndrop = 0.5\n\
                   [[faults]]\nat = \"0.5 s\"\nuntil = \"1.5 s\"\ninput = \"damper.motion\"\nfield = \"velocity\"\nkind = \"stuck\"\n\
                   [[faults]]\nat = \"0.7 s\"\nuntil = \"1.1 s\"\noutput = \"plant.motion\"\nfield = \"position\"\nkind = \"bias\"\nvalue = \"2 cm\"\n";
-    let run = every_way(&folder, &oscillator(&folder, faults), "0.8 s", &["damper", "plant"]);
+    let run = assert_one_tape(
+        &folder,
+        &write_oscillator_by_fields(&folder, faults),
+        "0.8 s",
+        &["damper", "plant"],
+    );
     let seen = |field: &str| values(&run, "damper.seen.motion", field);
     assert_eq!(seen("position")[0], 0.25);
     let (velocity, truth) = (seen("velocity"), values(&run, "plant.motion", "velocity"));
@@ -293,12 +298,12 @@ fn interpolated_links_are_one_tape_with_faults_and_resumed() {
     let faults = "[[faults]]\nat = \"0.4 s\"\nuntil = \"1.2 s\"\nconnection = \"speed\"\nextra-delay = \"30 ms\"\ndrop = 0.5\n\
                   [[faults]]\nat = \"0.5 s\"\nuntil = \"1.5 s\"\ninput = \"damper.motion\"\nfield = \"position\"\nkind = \"stuck\"\n\
                   [[faults]]\nat = \"0.7 s\"\nuntil = \"1.1 s\"\noutput = \"plant.motion\"\nfield = \"velocity\"\nkind = \"noise\"\nvalue = \"1 m/s\"\n";
-    let scenario = std::fs::read_to_string(oscillator(&folder, faults)).expect("it was just written");
+    let scenario = std::fs::read_to_string(write_oscillator_by_fields(&folder, faults)).expect("it was just written");
     // The reader's instants less the delay lie between the samples.
     let scenario = scenario.replace("delay = \"5 ms\"", "delay = \"5.5 ms\"\nhold = \"linear\"");
     let scenario = scenario.replace("delay = \"20 ms\"", "delay = \"61/3000 s\"\nhold = \"linear\"");
     let scenario = folder.write("linear.toml", &scenario);
-    let run = every_way(&folder, &scenario, "0.8 s", &["damper", "plant"]);
+    let run = assert_one_tape(&folder, &scenario, "0.8 s", &["damper", "plant"]);
     let (seen, truth) = (
         values(&run, "damper.seen.motion", "position"),
         values(&run, "plant.motion", "position"),
@@ -307,8 +312,8 @@ fn interpolated_links_are_one_tape_with_faults_and_resumed() {
     let between = |k: usize| truth[10 * k - 6] + 0.5 * (truth[10 * k - 5] - truth[10 * k - 6]);
     let hits = (1..50).filter(|&k| seen[k].to_bits() == between(k).to_bits()).count();
     assert!((15..49).contains(&hits), "{hits}");
-    let said = orchestrate(&["check", text(&scenario), "--start"]);
-    assert!(said.out.contains("interpolated"), "{said:?}");
+    let output = run_orchestrator(&["check", text(&scenario), "--start"]);
+    assert!(output.out.contains("interpolated"), "{output:?}");
     let short = [
         "check",
         text(&scenario),
@@ -316,10 +321,10 @@ fn interpolated_links_are_one_tape_with_faults_and_resumed() {
         "--set",
         "connections.place.delay=0.5ms",
     ];
-    let said = orchestrate(&short);
+    let output = run_orchestrator(&short);
     assert!(
-        said.code == Some(0) && said.err.contains("connections.place.hold") && said.err.contains("1 ms"),
-        "{said:?}"
+        output.code == Some(0) && output.err.contains("connections.place.hold") && output.err.contains("1 ms"),
+        "{output:?}"
     );
 }
 
@@ -327,7 +332,7 @@ fn interpolated_links_are_one_tape_with_faults_and_resumed() {
 fn campaign_varies_a_connection_by_fields() {
     let folder = Folder::new("fields-sweep");
     let out = folder.path().join("sweep");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "sweep",
         "examples/fmu/wired.toml",
         "--vary",
@@ -336,7 +341,7 @@ fn campaign_varies_a_connection_by_fields() {
         text(&out),
         "--quiet",
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     let table = std::fs::read_to_string(out.join("table.csv")).expect("a campaign has a table");
     assert_eq!(
         (table.lines().count(), table.matches(",met,").count()),
@@ -346,24 +351,24 @@ fn campaign_varies_a_connection_by_fields() {
 }
 
 #[test]
-fn check_and_graph_tell_what_becomes_of_what() {
-    let said = orchestrate(&["check", "examples/fmu/wired.toml"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+fn check_and_graph_show_field_conversions() {
+    let output = run_orchestrator(&["check", "examples/fmu/wired.toml"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     for words in [
         "position [m] = 0.001 * h [mm]",
         "velocity [m/s] = v [m/s]",
         "Float64_continuous_input = 100 * position [m] (frame N to no frame) + 2",
         "Float64_discrete_input += 3 * velocity [m/s]",
     ] {
-        assert!(said.out.contains(words), "{words}: {said:?}");
+        assert!(output.out.contains(words), "{words}: {output:?}");
     }
-    let said = orchestrate(&["graph", "examples/fmu/wired.toml"]);
+    let output = run_orchestrator(&["graph", "examples/fmu/wired.toml"]);
     assert!(
-        said.out.contains("outputs to position, velocity, 20 ms late"),
-        "{said:?}"
+        output.out.contains("outputs to position, velocity, 20 ms late"),
+        "{output:?}"
     );
-    let said = orchestrate(&["check", "examples/fmu/wired.toml", "--json"]);
-    let plan = &said.json()["plan"];
+    let output = run_orchestrator(&["check", "examples/fmu/wired.toml", "--json"]);
+    let plan = &output.json()["plan"];
     assert_eq!(
         plan["links"][2]["conversion"]["pairs"][0]["terms"][0]["scale"], 0.001,
         "{plan}"
@@ -373,13 +378,13 @@ fn check_and_graph_tell_what_becomes_of_what() {
 #[test]
 fn degrees_and_millimetres_are_read_in_radians_and_metres() {
     let example = "examples/fmu/units.toml";
-    let said = orchestrate(&["check", example]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["check", example]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     for words in [
         "angle [rad] = 0.017453292519943295 * angle [deg]",
         "length [m] = 0.001 * length [mm]",
     ] {
-        assert!(said.out.contains(words), "{words}: {said:?}");
+        assert!(output.out.contains(words), "{words}: {output:?}");
     }
     let folder = Folder::new("units");
     for (set, code) in [
@@ -389,7 +394,7 @@ fn degrees_and_millimetres_are_read_in_radians_and_metres() {
         let out = folder.path().join(format!("run-{code}"));
         let mut arguments = vec!["run", example, "--out", text(&out), "--in-process"];
         arguments.extend(set.iter().flat_map(|set| ["--set", set]));
-        let said = orchestrate(&arguments);
-        assert_eq!(said.code, Some(code), "{said:?}");
+        let output = run_orchestrator(&arguments);
+        assert_eq!(output.code, Some(code), "{output:?}");
     }
 }

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use escapement_tests::compiler::{examples, library};
-use escapement_tests::program::{Folder, Said, built, orchestrate, text};
+use escapement_tests::compiler::{examples, library_override};
+use escapement_tests::program::{Folder, ProgramOutput, built, run_orchestrator, text};
 use tape::{Reader, Source};
 
 const CLOSE: &str = "scenarios/close.toml";
@@ -15,36 +15,36 @@ fn run(scenario: &str, out: &Path, sets: &[String], more: &[&str]) {
     let mut arguments = vec!["run", scenario, "--quiet", "--out", text(out)];
     sets.iter().for_each(|set| arguments.extend(["--set", set]));
     arguments.extend(more);
-    let said = orchestrate(&arguments);
-    assert!(matches!(said.code, Some(0 | 3)), "{sets:?} {more:?}: {said:?}");
+    let output = run_orchestrator(&arguments);
+    assert!(matches!(output.code, Some(0 | 3)), "{sets:?} {more:?}: {output:?}");
 }
 
-fn same(one: &Path, other: &Path) {
-    let said = orchestrate(&["compare", text(one), text(other)]);
-    assert_eq!(said.code, Some(0), "{}: {said:?}", other.display());
+fn assert_same_tape(one: &Path, other: &Path) {
+    let output = run_orchestrator(&["compare", text(one), text(other)]);
+    assert_eq!(output.code, Some(0), "{}: {output:?}", other.display());
 }
 
-fn export(scenario: &str, more: &[&str], sets: &[String]) -> Said {
+fn export(scenario: &str, more: &[&str], sets: &[String]) -> ProgramOutput {
     let mut arguments = vec!["fmu", "export", scenario];
     arguments.extend(more);
     sets.iter().for_each(|set| arguments.extend(["--set", set]));
-    orchestrate(&arguments)
+    run_orchestrator(&arguments)
 }
 
 /// Exports a participant, and returns the printed changes that replace it by the FMU.
-fn in_its_place(folder: &Folder, scenario: &str, name: &str, fmi: &str, sets: &[String]) -> Vec<String> {
+fn export_as_replacement(folder: &Folder, scenario: &str, name: &str, fmi: &str, sets: &[String]) -> Vec<String> {
     let file = folder.path().join(format!("{name}-{fmi}.fmu"));
-    let said = export(
+    let output = export(
         scenario,
         &["--participant", name, "--fmi", fmi, "--out", text(&file)],
         sets,
     );
-    assert_eq!(said.code, Some(0), "{said:?}");
-    place(&said.out, name)
+    assert_eq!(output.code, Some(0), "{output:?}");
+    replacement_overrides(&output.out, name)
 }
 
 /// The changes that replace the participant `name` by an FMU, from the program's output.
-fn place(printed: &str, name: &str) -> Vec<String> {
+fn replacement_overrides(printed: &str, name: &str) -> Vec<String> {
     let (_, entry) = printed
         .split_once("In the place of the participant:\n")
         .expect("the entry is printed");
@@ -57,12 +57,12 @@ fn place(printed: &str, name: &str) -> Vec<String> {
 }
 
 /// An FMU in place of each of `names`, then of all of them, in processes and in one: `reference` is the tape.
-fn changes_no_bit(folder: &Folder, scenario: &str, sets: &[String], names: &[&str], more: &[&str]) {
-    changes_no_bit_in(&["2", "3"], folder, scenario, sets, names, more);
+fn assert_replacements_keep_tape(folder: &Folder, scenario: &str, sets: &[String], names: &[&str], more: &[&str]) {
+    assert_replacements_keep_tape_in(&["2", "3"], folder, scenario, sets, names, more);
 }
 
 /// The same for the given versions of the standard.
-fn changes_no_bit_in(
+fn assert_replacements_keep_tape_in(
     versions: &[&str],
     folder: &Folder,
     scenario: &str,
@@ -75,7 +75,7 @@ fn changes_no_bit_in(
     for fmi in versions {
         let mut all = sets.to_vec();
         for name in names {
-            let own = in_its_place(folder, scenario, name, fmi, sets);
+            let own = export_as_replacement(folder, scenario, name, fmi, sets);
             let out = path(&format!("{name}-{fmi}"));
             run(
                 scenario,
@@ -83,12 +83,12 @@ fn changes_no_bit_in(
                 &[sets, &own].concat(),
                 &[more, &["--in-process"]].concat(),
             );
-            same(&path("reference"), &out);
+            assert_same_tape(&path("reference"), &out);
             all.extend(own);
         }
         let out = path(&format!("all-{fmi}"));
         run(scenario, &out, &all, more);
-        same(&path("reference"), &out);
+        assert_same_tape(&path("reference"), &out);
         let resumed = path(&format!("resumed-{fmi}"));
         let saved = path(&format!("saved-{fmi}"));
         run(
@@ -97,7 +97,7 @@ fn changes_no_bit_in(
             &all,
             &[more, &["--in-process", "--checkpoint-at", "0.7 s"]].concat(),
         );
-        let said = orchestrate(&[
+        let output = run_orchestrator(&[
             "resume",
             text(&saved),
             "--out",
@@ -105,8 +105,8 @@ fn changes_no_bit_in(
             "--quiet",
             "--in-process",
         ]);
-        assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
-        same(&path("reference"), &resumed);
+        assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
+        assert_same_tape(&path("reference"), &resumed);
     }
 }
 
@@ -114,20 +114,20 @@ fn changes_no_bit_in(
 fn capture_of_fmus_is_the_same_run() {
     let folder = Folder::new("exported-close");
     let more = ["--duration", "1.5 s"];
-    changes_no_bit(&folder, CLOSE, &[], &["plant", "controller", "guidance"], &more);
+    assert_replacements_keep_tape(&folder, CLOSE, &[], &["plant", "controller", "guidance"], &more);
 }
 
 /// A plug-in is packed into its FMU, in another language than the stock participants and with a delay on the connection.
 #[test]
 fn position_loop_of_fmus_of_plugins_is_the_same_run() {
     let folder = Folder::new("exported-pid");
-    let shop = examples();
+    let native_build = examples();
     let loops = [("plant", "plant"), ("controller", "pid"), ("reference", "reference")];
     let sets: Vec<String> = loops
         .iter()
-        .map(|(seat, name)| library(seat, &shop.path(&format!("c/lib{name}.so")), None))
+        .map(|(slot, name)| library_override(slot, &native_build.path(&format!("c/lib{name}.so")), None))
         .collect();
-    changes_no_bit(&folder, PID, &sets, &["plant", "controller", "reference"], &[]);
+    assert_replacements_keep_tape(&folder, PID, &sets, &["plant", "controller", "reference"], &[]);
 }
 
 /// Enumerations, truth values and small numbers of an FMU are those of its source participant, also where FMI 2.0 represents a small
@@ -136,8 +136,8 @@ fn position_loop_of_fmus_of_plugins_is_the_same_run() {
 fn named_values_of_fmus_are_the_same_run() {
     let folder = Folder::new("exported-crossing");
     let file = examples().path("c/libcrossing.so");
-    let sets = ["light", "crowd"].map(|name| library(name, &file, Some(name)));
-    changes_no_bit(&folder, CROSSING, &sets, &["light", "crowd"], &[]);
+    let sets = ["light", "crowd"].map(|name| library_override(name, &file, Some(name)));
+    assert_replacements_keep_tape(&folder, CROSSING, &sets, &["light", "crowd"], &[]);
 }
 
 /// Texts in both versions, bytes in the one that has a type for them.
@@ -145,19 +145,19 @@ fn named_values_of_fmus_are_the_same_run() {
 fn texts_and_bytes_of_fmus_are_the_same_run() {
     let folder = Folder::new("exported-beacon");
     let file = examples().path("c/libbeacon.so");
-    let sets = ["beacon", "station"].map(|name| library(name, &file, Some(name)));
+    let sets = ["beacon", "station"].map(|name| library_override(name, &file, Some(name)));
     let path = |name: &str| folder.path().join(name);
     run(BEACON, &path("reference"), &sets, &[]);
     let mut all = sets.to_vec();
     for name in ["beacon", "station"] {
-        let own = in_its_place(&folder, BEACON, name, "3", &sets);
+        let own = export_as_replacement(&folder, BEACON, name, "3", &sets);
         run(BEACON, &path(name), &[&sets[..], &own].concat(), &["--in-process"]);
-        same(&path("reference"), &path(name));
+        assert_same_tape(&path("reference"), &path(name));
         all.extend(own);
     }
     run(BEACON, &path("all"), &all, &["--checkpoint-every", "20 s"]);
-    same(&path("reference"), &path("all"));
-    let said = orchestrate(&[
+    assert_same_tape(&path("reference"), &path("all"));
+    let output = run_orchestrator(&[
         "resume",
         text(&path("all")),
         "--from",
@@ -166,30 +166,35 @@ fn texts_and_bytes_of_fmus_are_the_same_run() {
         text(&path("resumed")),
         "--quiet",
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    same(&path("reference"), &path("resumed"));
-    let said = orchestrate(&["fmu", "inspect", text(&path("beacon-3.fmu"))]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert_same_tape(&path("reference"), &path("resumed"));
+    let output = run_orchestrator(&["fmu", "inspect", text(&path("beacon-3.fmu"))]);
     assert!(
-        said.out
+        output
+            .out
             .contains("`beacon.frame` is a Binary: it is a signal, bytes[32], where `ports` names it"),
-        "{said:?}"
+        "{output:?}"
     );
     let two = path("two.fmu");
     let more = ["--participant", "beacon", "--fmi", "2", "--out", text(&two)];
-    let said = export(BEACON, &more, &sets);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = export(BEACON, &more, &sets);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err
+        output
+            .err
             .contains("`beacon.frame` has bytes, for which FMI 2.0 has no type"),
-        "{said:?}"
+        "{output:?}"
     );
     // Without the bytes, FMI 2.0 works too, with lists of texts and of enumerations.
     let table = folder.write("words.toml", WORDS);
-    let shop = escapement_tests::compiler::Workshop::open("words");
-    let plugin = shop.plugin("tests/plugins/words.c", "libwords.so", &[]);
-    let sets = [library("one", &plugin, None), library("two", &plugin, None)];
+    let native_build = escapement_tests::compiler::NativeBuild::new("words");
+    let plugin = native_build.plugin("tests/plugins/words.c", "libwords.so", &[]);
+    let sets = [
+        library_override("one", &plugin, None),
+        library_override("two", &plugin, None),
+    ];
     let names = Folder::new("exported-words");
-    changes_no_bit(&names, text(&table), &sets, &["one", "two"], &[]);
+    assert_replacements_keep_tape(&names, text(&table), &sets, &["one", "two"], &[]);
 }
 
 /// A text that exceeds the capacity of its field ends the run.
@@ -197,8 +202,8 @@ fn texts_and_bytes_of_fmus_are_the_same_run() {
 fn text_of_an_fmu_is_not_cut_off() {
     let folder = Folder::new("exported-long");
     let file = examples().path("c/libbeacon.so");
-    let sets = ["beacon", "station"].map(|name| library(name, &file, Some(name)));
-    let own = in_its_place(&folder, BEACON, "beacon", "3", &sets);
+    let sets = ["beacon", "station"].map(|name| library_override(name, &file, Some(name)));
+    let own = export_as_replacement(&folder, BEACON, "beacon", "3", &sets);
     let short = own[0].replace("name = \"phase\", size = 24", "name = \"phase\", size = 12");
     assert_ne!(short, own[0]);
     let out = folder.path().join("short");
@@ -206,10 +211,13 @@ fn text_of_an_fmu_is_not_cut_off() {
     let map = "connections.beacon.map={ count = \"count\", frame = \"frame\", phase = \"phase\", state = \"state\" }";
     let all = [&sets[..], &[short, own[1].clone(), map.to_owned()]].concat();
     all.iter().for_each(|set| arguments.extend(["--set", set]));
-    let said = orchestrate(&arguments);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = run_orchestrator(&arguments);
+    assert_eq!(output.code, Some(1), "{output:?}");
     let words = "its output `beacon.phase` has 15 bytes, and its field room for 12: give it more, as { variable = \"beacon.phase\", size = 15 }";
-    assert!(said.err.contains("`beacon`") && said.err.contains(words), "{said:?}");
+    assert!(
+        output.err.contains("`beacon`") && output.err.contains(words),
+        "{output:?}"
+    );
 }
 
 /// Two participants that exchange what they have received, and their state.
@@ -223,21 +231,24 @@ fn own_program_exports_its_participants() {
     let folder = Folder::new("exported-own");
     let path = |name: &str| folder.path().join(name);
     let pid = |arguments: &[&str]| {
-        let said = std::process::Command::new(built().join("pid"))
+        let output = std::process::Command::new(built().join("pid"))
             .current_dir(escapement_tests::program::root())
             .args(arguments)
             .output()
             .expect("the program can be started");
         (
-            said.status.code(),
-            String::from_utf8_lossy(&[said.stdout, said.stderr].concat()).into_owned(),
+            output.status.code(),
+            String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned(),
         )
     };
-    let (code, said) = pid(&["run", PID, "--quiet", "--in-process", "--out", text(&path("reference"))]);
-    assert!(matches!(code, Some(0 | 3)), "{said}");
-    let (code, said) = pid(&["fmu", "export", PID, "--participant", "controller"]);
-    assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("libpid_fmu.so") && said.contains("--library"), "{said}");
+    let (code, output) = pid(&["run", PID, "--quiet", "--in-process", "--out", text(&path("reference"))]);
+    assert!(matches!(code, Some(0 | 3)), "{output}");
+    let (code, output) = pid(&["fmu", "export", PID, "--participant", "controller"]);
+    assert_eq!(code, Some(1), "{output}");
+    assert!(
+        output.contains("libpid_fmu.so") && output.contains("--library"),
+        "{output}"
+    );
     let (file, library) = (path("controller.fmu"), built().join("libposition_loop.so"));
     let more = [
         "--participant",
@@ -247,18 +258,18 @@ fn own_program_exports_its_participants() {
         "--library",
         text(&library),
     ];
-    let (code, said) = pid(&[&["fmu", "export", PID], &more[..]].concat());
-    assert_eq!(code, Some(0), "{said}");
-    let own = place(&said, "controller");
+    let (code, output) = pid(&[&["fmu", "export", PID], &more[..]].concat());
+    assert_eq!(code, Some(0), "{output}");
+    let own = replacement_overrides(&output, "controller");
     let mut arguments = vec!["run", PID, "--quiet", "--in-process"];
     let out = path("fmu");
     arguments.extend(["--out", text(&out)]);
     own.iter().for_each(|set| arguments.extend(["--set", set]));
-    let (code, said) = pid(&arguments);
-    assert!(matches!(code, Some(0 | 3)), "{said}");
-    same(&path("reference"), &out);
+    let (code, output) = pid(&arguments);
+    assert!(matches!(code, Some(0 | 3)), "{output}");
+    assert_same_tape(&path("reference"), &out);
     // The library of another program does not know that participant.
-    let (code, said) = pid(&[
+    let (code, output) = pid(&[
         "fmu",
         "export",
         PID,
@@ -267,8 +278,8 @@ fn own_program_exports_its_participants() {
         "--library",
         text(&built().join("libescapement_fmu.so")),
     ]);
-    assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("there is no builtin `pid`"), "{said}");
+    assert_eq!(code, Some(2), "{output}");
+    assert!(output.contains("there is no builtin `pid`"), "{output}");
 }
 
 /// A second export yields the same bytes, and `inspect` reads the FMU.
@@ -279,19 +290,19 @@ fn export_is_reproducible_and_can_be_inspected() {
         let file = |name: &str| folder.path().join(format!("{name}-{fmi}.fmu"));
         for name in ["one", "other"] {
             let out = file(name);
-            let said = export(
+            let output = export(
                 CLOSE,
                 &["--participant", "plant", "--fmi", fmi, "--out", text(&out)],
                 &[],
             );
-            assert_eq!(said.code, Some(0), "{said:?}");
+            assert_eq!(output.code, Some(0), "{output:?}");
         }
         let bytes = |name: &str| std::fs::read(file(name)).expect("the FMU is there");
         assert!(bytes("one") == bytes("other"), "FMI {fmi}");
-        let said = orchestrate(&["fmu", "inspect", text(&file("one"))]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_orchestrator(&["fmu", "inspect", text(&file("one"))]);
+        assert_eq!(output.code, Some(0), "{output:?}");
         for word in ["parameters.start.position", "rad/s", "measured."] {
-            assert!(said.out.contains(word), "no `{word}` in {}", said.out);
+            assert!(output.out.contains(word), "no `{word}` in {}", output.out);
         }
     }
 }
@@ -311,13 +322,13 @@ fn parameters_can_be_set() {
         ),
         ("3", "\"parameters.start.position\" = \"[-0.5, 0, -2.5] m\""),
     ] {
-        let own = in_its_place(&folder, CLOSE, "plant", fmi, &[]);
+        let own = export_as_replacement(&folder, CLOSE, "plant", fmi, &[]);
         let sets = vec![
             own[0].clone(),
             format!("participants.plant.parameters={{ {parameters} }}"),
         ];
         run(CLOSE, &path(fmi), &sets, &more);
-        same(&path("reference"), &path(fmi));
+        assert_same_tape(&path("reference"), &path(fmi));
     }
 }
 
@@ -363,8 +374,8 @@ fn whole_scenario_is_one_fmu_with_inputs_and_figures() {
     for fmi in ["2", "3"] {
         let file = path(&format!("mass-{fmi}.fmu"));
         let more = ["--inputs", "mass.neighbour", "--fmi", fmi, "--out", text(&file)];
-        let said = export("examples/c/drive.toml", &more, &[]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = export("examples/c/drive.toml", &more, &[]);
+        assert_eq!(output.code, Some(0), "{output:?}");
         let fields = |port: &str| {
             let field = |name: &str, unit: &str| {
                 format!("{{ name = \"{name}\", variable = \"mass.{port}.{name}\", unit = \"{unit}\", frame = \"N\" }}")
@@ -397,9 +408,9 @@ fn whole_scenario_is_one_fmu_with_inputs_and_figures() {
             .expect("eight bytes");
         assert_eq!(f64::from_le_bytes(last), farthest);
         // Another instance is brought to the same state by replaying the inputs.
-        let said = orchestrate(&["resume", text(&out), "--out", text(&resumed), "--quiet"]);
-        assert_eq!(said.code, Some(0), "{said:?}");
-        same(&out, &resumed);
+        let output = run_orchestrator(&["resume", text(&out), "--out", text(&resumed), "--quiet"]);
+        assert_eq!(output.code, Some(0), "{output:?}");
+        assert_same_tape(&out, &resumed);
     }
 }
 
@@ -407,7 +418,7 @@ fn whole_scenario_is_one_fmu_with_inputs_and_figures() {
 fn step_that_is_no_multiple_of_the_period_is_refused() {
     let folder = Folder::new("exported-step");
     for (fmi, how) in [("2", "Discard"), ("3", "whole multiple")] {
-        let own = in_its_place(&folder, CLOSE, "controller", fmi, &[]);
+        let own = export_as_replacement(&folder, CLOSE, "controller", fmi, &[]);
         let sets = [own, vec!["participants.controller.period=15ms".to_owned()]].concat();
         let out = folder.path().join(fmi);
         let mut arguments = vec![
@@ -421,16 +432,16 @@ fn step_that_is_no_multiple_of_the_period_is_refused() {
             "0.5 s",
         ];
         sets.iter().for_each(|set| arguments.extend(["--set", set]));
-        let said = orchestrate(&arguments);
-        assert!(matches!(said.code, Some(1 | 2)), "{said:?}");
-        assert!(said.err.contains(how), "{said:?}");
-        assert!(said.err.contains("0.01 s"), "{said:?}");
+        let output = run_orchestrator(&arguments);
+        assert!(matches!(output.code, Some(1 | 2)), "{output:?}");
+        assert!(output.err.contains(how), "{output:?}");
+        assert!(output.err.contains("0.01 s"), "{output:?}");
     }
 }
 
 /// What cannot be exported is rejected with the reason, and no file is left.
 #[test]
-fn what_cannot_be_exported_is_refused() {
+fn invalid_export_is_refused_with_the_reason() {
     let folder = Folder::new("exported-refusals");
     let out = folder.path().join("no.fmu");
     let external = format!(
@@ -458,13 +469,13 @@ fn what_cannot_be_exported_is_refused() {
     ];
     for (more, sets, expected) in cases {
         let more = [more, &["--out", text(&out)]].concat();
-        let said = export(CLOSE, &more, &sets);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(said.err.contains(expected), "no `{expected}` in {said:?}");
+        let output = export(CLOSE, &more, &sets);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(expected), "no `{expected}` in {output:?}");
         assert!(!out.exists());
     }
     let missing: PathBuf = folder.path().join("libnone.so");
-    let said = export(CLOSE, &["--participant", "plant", "--library", text(&missing)], &[]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("libnone.so"), "{said:?}");
+    let output = export(CLOSE, &["--participant", "plant", "--library", text(&missing)], &[]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.err.contains("libnone.so"), "{output:?}");
 }

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use escapement_tests::fmus::Recipe;
+use escapement_tests::fmus::TestFmu;
 use escapement_tests::program::Folder;
 use lockstep::participant::{Inputs, Outputs, Setup, Step};
 
@@ -14,7 +14,7 @@ const MANY: u64 = 1000;
 const SLACK: usize = 64 << 10;
 
 /// Creates an FMU, steps it a few times, saves it and drops it.
-fn once(file: &Path, number: u64) {
+fn use_instance(file: &Path, number: u64) {
     let setup = Setup {
         name: format!("it-{number}"),
         parameters: toml::Table::new(),
@@ -40,7 +40,7 @@ fn once(file: &Path, number: u64) {
 }
 
 /// Heap bytes, including those of FMU libraries; pages of the process; mappings of FMUs; open files.
-fn figures() -> (usize, usize, usize, usize) {
+fn resource_usage() -> (usize, usize, usize, usize) {
     // SAFETY: it only reads the allocator's counters.
     let heap = unsafe { libc::mallinfo2() };
     let statm = std::fs::read_to_string("/proc/self/statm").expect("Linux has it");
@@ -56,15 +56,15 @@ fn thousand_instances_leave_nothing_behind() {
     let folder = Folder::new("instances");
     // One that can save its state, and one that is restored by a restart.
     for (version, state) in [(2, true), (3, false)] {
-        let recipe = Recipe {
+        let recipe = TestFmu {
             state,
-            ..Recipe::new(version)
+            ..TestFmu::new(version)
         };
         let file = recipe.build(&folder, &format!("spring-{version}"));
-        (0..FIRST).for_each(|number| once(&file, number));
-        let before = figures();
-        (0..MANY).for_each(|number| once(&file, number));
-        let after = figures();
+        (0..FIRST).for_each(|number| use_instance(&file, number));
+        let before = resource_usage();
+        (0..MANY).for_each(|number| use_instance(&file, number));
+        let after = resource_usage();
         let shown = format!("FMI {version}, state functions: {state}: {before:?}, then {after:?}");
         assert!(after.0 <= before.0 + SLACK, "bytes of the heap: {shown}");
         // 16 MiB of 4 KiB pages: a library that stays loaded takes 5 of them.

@@ -1,6 +1,6 @@
 //! Texts and bytes of FMUs as signals.
 
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 use tape::{Reader, Source};
 
 /// Texts between FMUs of both versions, with bytes between those of FMI 3.0; a text that exceeds its capacity ends the run.
@@ -23,11 +23,11 @@ fn texts_and_bytes_pass_through_two_fmus() {
     let (file, run) = (folder.write("texts.toml", &scenario(9)), folder.path().join("apart"));
     let other = folder.path().join("together");
     for (out, how) in [(&run, &[][..]), (&other, &["--in-process"])] {
-        let said = orchestrate(&[&["run", text(&file), "--quiet", "--out", text(out)], how].concat());
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_orchestrator(&[&["run", text(&file), "--quiet", "--out", text(out)], how].concat());
+        assert_eq!(output.code, Some(0), "{output:?}");
     }
-    let said = orchestrate(&["compare", text(&run), text(&other)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["compare", text(&run), text(&other)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let tape = Reader::open(&run.join("tape")).expect("the run has a tape");
     let number = tape.stream("second.out").expect("the stream is there");
     let (fields, mut record) = (
@@ -40,7 +40,7 @@ fn texts_and_bytes_pass_through_two_fmus() {
         assert_eq!(shown, ["\"größer\"", "3 bytes 00ff0a"]);
     }
     let short = folder.write("short.toml", &scenario(7));
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         text(&short),
         "--quiet",
@@ -49,7 +49,7 @@ fn texts_and_bytes_pass_through_two_fmus() {
     ]);
     let words = "its output `String_output` has 8 bytes, and its field room for 7: give it more";
     assert!(
-        said.code == Some(1) && said.err.contains("`second`") && said.err.contains(words),
-        "{said:?}"
+        output.code == Some(1) && output.err.contains("`second`") && output.err.contains(words),
+        "{output:?}"
     );
 }

@@ -2,25 +2,25 @@
 
 use std::path::{Path, PathBuf};
 
-use escapement_tests::fmus::Recipe;
-use escapement_tests::program::{Folder, Said, orchestrate, root, text};
+use escapement_tests::fmus::TestFmu;
+use escapement_tests::program::{Folder, ProgramOutput, root, run_orchestrator, text};
 use tape::{Reader, Source};
 
 /// Runs `scenario` in processes and in one, and checks that both tapes are equal. Returns the run folder.
-fn both_ways(folder: &Folder, scenario: &Path) -> PathBuf {
+fn run_both_ways(folder: &Folder, scenario: &Path) -> PathBuf {
     let apart = folder.path().join("apart");
-    let said = orchestrate(&["run", text(scenario), "--out", text(&apart), "--quiet"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", text(scenario), "--out", text(&apart), "--quiet"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let whole = folder.path().join("whole");
-    let said = orchestrate(&["run", text(scenario), "--out", text(&whole), "--quiet", "--in-process"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    same(&apart, &whole);
+    let output = run_orchestrator(&["run", text(scenario), "--out", text(&whole), "--quiet", "--in-process"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert_same_tape(&apart, &whole);
     apart
 }
 
-fn same(one: &Path, other: &Path) {
-    let said = orchestrate(&["compare", text(one), text(other)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+fn assert_same_tape(one: &Path, other: &Path) {
+    let output = run_orchestrator(&["compare", text(one), text(other)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 /// The values of a field of a stream, with their stamps.
@@ -46,7 +46,7 @@ fn reference(version: &str, model: &str) -> PathBuf {
     root().join(format!("tests/fmus/reference/fmi{version}/{model}.fmu"))
 }
 
-fn reproduces(model: &str, period: &str, duration: &str, ports: &str, tolerance: f64) {
+fn assert_reproduces(model: &str, period: &str, duration: &str, ports: &str, tolerance: f64) {
     for version in ["2", "3"] {
         let folder = Folder::new(model);
         let file = reference(version, model);
@@ -57,7 +57,7 @@ fn reproduces(model: &str, period: &str, duration: &str, ports: &str, tolerance:
                 text(&file)
             ),
         );
-        let run = both_ways(&folder, &scenario);
+        let run = run_both_ways(&folder, &scenario);
         let table = root().join(format!("tests/fmus/reference/{model}_out.csv"));
         let table = std::fs::read_to_string(table).expect("the results are there");
         let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
@@ -97,17 +97,17 @@ fn reproduces(model: &str, period: &str, duration: &str, ports: &str, tolerance:
 
 #[test]
 fn bouncing_ball_reproduces_its_reference() {
-    reproduces("BouncingBall", "10 ms", "3 s", "", 1e-9);
+    assert_reproduces("BouncingBall", "10 ms", "3 s", "", 1e-9);
 }
 
 #[test]
 fn dahlquist_reproduces_its_reference() {
-    reproduces("Dahlquist", "0.1 s", "10 s", "", 1e-12);
+    assert_reproduces("Dahlquist", "0.1 s", "10 s", "", 1e-12);
 }
 
 #[test]
 fn feedthrough_reproduces_its_reference() {
-    reproduces("Feedthrough", "0.1 s", "2 s", "run.ports.inputs = []", 0.0);
+    assert_reproduces("Feedthrough", "0.1 s", "2 s", "run.ports.inputs = []", 0.0);
 }
 
 /// Start values of one FMU are its outputs, which are the inputs of another: none is lost.
@@ -162,7 +162,7 @@ fn every_type_passes_through_two_fmus() {
             file = text(&file)
         ),
     );
-    let run = both_ways(&folder, &scenario);
+    let run = run_both_ways(&folder, &scenario);
     for (name, _, expected) in extremes {
         for participant in ["first", "second"] {
             let found = values(&run, &format!("{participant}.through"), &format!("{name}_output"));
@@ -188,16 +188,16 @@ fn every_type_passes_through_two_fmus() {
 }
 
 /// A spring and a damper, each in a different version of the standard.
-fn pair(folder: &Folder, state: bool, spring: &str, damper: &str) -> PathBuf {
-    let two = Recipe {
+fn write_pair(folder: &Folder, state: bool, spring: &str, damper: &str) -> PathBuf {
+    let two = TestFmu {
         state,
-        ..Recipe::new(2)
+        ..TestFmu::new(2)
     }
     .build(folder, spring);
-    let three = Recipe {
+    let three = TestFmu {
         state,
         damper: true,
-        ..Recipe::new(3)
+        ..TestFmu::new(3)
     }
     .build(folder, damper);
     folder.write(
@@ -220,8 +220,8 @@ fn pair(folder: &Folder, state: bool, spring: &str, damper: &str) -> PathBuf {
 fn spring_and_damper_are_one_run_in_every_way() {
     for state in [true, false] {
         let folder = Folder::new("pair");
-        let scenario = pair(&folder, state, "spring", "damper");
-        let run = both_ways(&folder, &scenario);
+        let scenario = write_pair(&folder, state, "spring", "damper");
+        let run = run_both_ways(&folder, &scenario);
         let x = values(&run, "mass.outputs", "x");
         assert_eq!(x[0], (0.0, 0.2));
         let late = x[2500..].iter().map(|(_, x)| x.abs()).fold(0.0, f64::max);
@@ -233,14 +233,15 @@ fn spring_and_damper_are_one_run_in_every_way() {
             let (saved, resumed) = (folder.path().join("saved"), folder.path().join("resumed"));
             let run_of = |out: &Path, rest: &[&str]| {
                 let arguments = [&["run", text(&scenario), "--out", text(out), "--quiet"], rest, way].concat();
-                let said = orchestrate(&arguments);
-                assert_eq!(said.code, Some(0), "{said:?}");
-                same(&run, out);
+                let output = run_orchestrator(&arguments);
+                assert_eq!(output.code, Some(0), "{output:?}");
+                assert_same_tape(&run, out);
             };
             run_of(&saved, &["--checkpoint-at", "1.7 s"]);
-            let said = orchestrate(&[&["resume", text(&saved), "--out", text(&resumed), "--quiet"], way].concat());
-            assert_eq!(said.code, Some(0), "{said:?}");
-            same(&run, &resumed);
+            let output =
+                run_orchestrator(&[&["resume", text(&saved), "--out", text(&resumed), "--quiet"], way].concat());
+            assert_eq!(output.code, Some(0), "{output:?}");
+            assert_same_tape(&run, &resumed);
             // The FMU is replaced by another instance of itself.
             let replaced = folder.path().join("replaced");
             let own = std::fs::read_to_string(&scenario).expect("the scenario is there");
@@ -253,9 +254,10 @@ fn spring_and_damper_are_one_run_in_every_way() {
                 "{own}[[faults]]\nat = \"1.3 s\"\nsubstitute = \"mass\"\nstate = \"keep\"\n[faults.run]{substitute}"
             );
             let changed = folder.write("substituted.toml", &fault);
-            let said = orchestrate(&[&["run", text(&changed), "--out", text(&replaced), "--quiet"], way].concat());
-            assert_eq!(said.code, Some(0), "{said:?}");
-            same(&run, &replaced);
+            let output =
+                run_orchestrator(&[&["run", text(&changed), "--out", text(&replaced), "--quiet"], way].concat());
+            assert_eq!(output.code, Some(0), "{output:?}");
+            assert_same_tape(&run, &replaced);
             for out in [&saved, &resumed, &replaced] {
                 std::fs::remove_dir_all(out).expect("a run folder");
             }
@@ -264,15 +266,15 @@ fn spring_and_damper_are_one_run_in_every_way() {
 }
 
 #[test]
-fn dead_fmu_is_started_again_where_it_was() {
+fn dead_fmu_is_restarted_where_it_died() {
     for state in [true, false] {
         let folder = Folder::new("crash");
-        let healthy = both_ways(&folder, &pair(&folder, state, "spring", "damper"));
-        let scenario = pair(&folder, state, "spring", "damper");
-        Recipe {
+        let healthy = run_both_ways(&folder, &write_pair(&folder, state, "spring", "damper"));
+        let scenario = write_pair(&folder, state, "spring", "damper");
+        TestFmu {
             state,
             fault: "CRASH_ONCE",
-            ..Recipe::new(2)
+            ..TestFmu::new(2)
         }
         .build(&folder, "spring");
         let out = folder.path().join("again");
@@ -281,7 +283,7 @@ fn dead_fmu_is_started_again_where_it_was() {
             text(&folder.path().join("marker"))
         );
         let policy = "participants.mass.on-failure=\"restart-from-checkpoint\"";
-        let said = orchestrate(&[
+        let output = run_orchestrator(&[
             "run",
             text(&scenario),
             "--out",
@@ -293,27 +295,27 @@ fn dead_fmu_is_started_again_where_it_was() {
             "--checkpoint-every",
             "0.2 s",
         ]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(output.code, Some(0), "{output:?}");
         assert!(
-            folder.path().join("marker").exists() && said.out.contains("restarted from the checkpoint"),
-            "{said:?}"
+            folder.path().join("marker").exists() && output.out.contains("restarted from the checkpoint"),
+            "{output:?}"
         );
-        same(&healthy, &out);
+        assert_same_tape(&healthy, &out);
     }
 }
 
 #[test]
-fn fmu_that_depends_on_more_than_inputs_is_not_taken_up() {
+fn fmu_that_is_not_reproducible_is_not_resumed() {
     let folder = Folder::new("fickle");
-    let scenario = pair(&folder, false, "spring", "damper");
-    Recipe {
+    let scenario = write_pair(&folder, false, "spring", "damper");
+    TestFmu {
         state: false,
-        fault: "FICKLE",
-        ..Recipe::new(2)
+        fault: "NONDETERMINISTIC",
+        ..TestFmu::new(2)
     }
     .build(&folder, "spring");
     let out = folder.path().join("saved");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         text(&scenario),
         "--out",
@@ -322,42 +324,42 @@ fn fmu_that_depends_on_more_than_inputs_is_not_taken_up() {
         "--checkpoint-at",
         "1 s",
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let said = orchestrate(&[
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let output = run_orchestrator(&[
         "resume",
         text(&out),
         "--out",
         text(&folder.path().join("no")),
         "--quiet",
     ]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("gave other outputs than before"), "{said:?}");
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.err.contains("gave other outputs than before"), "{output:?}");
 }
 
 #[test]
 fn fmus_run_in_a_campaign() {
     let folder = Folder::new("campaign");
-    let scenario = pair(&folder, true, "spring", "damper");
+    let scenario = write_pair(&folder, true, "spring", "damper");
     let out = folder.path().join("sweep");
     let vary = "participants.brake.parameters.damping=0.1 N s/m,0.5 N s/m,2 N s/m";
-    let said = orchestrate(&["sweep", text(&scenario), "--vary", vary, "--out", text(&out), "--quiet"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&scenario), "--vary", vary, "--out", text(&out), "--quiet"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let table = std::fs::read_to_string(out.join("table.csv")).expect("a campaign has a table");
     assert_eq!(table.lines().count(), 4, "{table}");
 }
 
-fn said_of(folder: &Folder, run: &str, parameters: &str) -> Said {
+fn check_fmu(folder: &Folder, run: &str, parameters: &str) -> ProgramOutput {
     let text_of = format!(
         "duration = \"1 s\"\n[participants.it]\nperiod = \"1 ms\"\nrun = {{ {run} }}\nparameters = {{ {parameters} }}\n"
     );
     let scenario = folder.write("refused.toml", &text_of);
-    orchestrate(&["check", text(&scenario)])
+    run_orchestrator(&["check", text(&scenario)])
 }
 
 #[test]
 fn wrong_keys_and_values_are_refused_with_the_remedy() {
     let folder = Folder::new("refusals");
-    Recipe::new(2).build(&folder, "spring");
+    TestFmu::new(2).build(&folder, "spring");
     let fmu = "fmu = \"spring.fmu\", ports = { inputs = [] }";
     for (run, parameters, words) in [
         (fmu, "stifness = 1", "did you mean `stiffness`"),
@@ -394,27 +396,27 @@ fn wrong_keys_and_values_are_refused_with_the_remedy() {
         ),
         ("fmu = \"spring.fmu\", tolerance = -1.0", "", "must be positive"),
     ] {
-        let said = said_of(&folder, run, parameters);
-        assert_eq!(said.code, Some(2), "{run}, {parameters}: {said:?}");
+        let output = check_fmu(&folder, run, parameters);
+        assert_eq!(output.code, Some(2), "{run}, {parameters}: {output:?}");
         assert!(
-            said.err.contains(words) && said.err.contains("refused.toml"),
-            "{run}, {parameters}: {said:?}"
+            output.err.contains(words) && output.err.contains("refused.toml"),
+            "{run}, {parameters}: {output:?}"
         );
     }
-    let said = said_of(
+    let output = check_fmu(
         &folder,
         "fmu = \"spring.fmu\", ports = { inputs = [], out = [{ variable = \"x\", unit = \"mm\", frame = \"N\" }] }",
         "",
     );
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 #[test]
 fn inspected_fmu_comes_with_a_scenario_that_runs() {
     let folder = Folder::new("inspect");
-    let spring = Recipe {
+    let spring = TestFmu {
         state: false,
-        ..Recipe::new(3)
+        ..TestFmu::new(3)
     }
     .build(&folder, "spring");
     for (file, words) in [
@@ -436,15 +438,18 @@ fn inspected_fmu_comes_with_a_scenario_that_runs() {
             ["x: f64", "fixed at 0.1 s", "k: Float64 = 1"],
         ),
     ] {
-        let said = orchestrate(&["fmu", "inspect", text(&file)]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_orchestrator(&["fmu", "inspect", text(&file)]);
+        assert_eq!(output.code, Some(0), "{output:?}");
         for word in words {
-            assert!(said.out.contains(word), "`{word}`: {}", said.out);
+            assert!(output.out.contains(word), "`{word}`: {}", output.out);
         }
-        let (_, scenario) = said.out.split_once("A scenario with it:").expect("there is a scenario");
+        let (_, scenario) = output
+            .out
+            .split_once("A scenario with it:")
+            .expect("there is a scenario");
         let scenario = folder.write("pasted.toml", scenario);
         let out = folder.path().join("run");
-        let said = orchestrate(&[
+        let output = run_orchestrator(&[
             "run",
             text(&scenario),
             "--out",
@@ -454,9 +459,9 @@ fn inspected_fmu_comes_with_a_scenario_that_runs() {
             "1 s",
         ]);
         assert_eq!(
-            said.code,
+            output.code,
             Some(0),
-            "{said:?}\n{}",
+            "{output:?}\n{}",
             std::fs::read_to_string(&scenario).unwrap_or_default()
         );
         std::fs::remove_dir_all(&out).expect("a run folder");

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use escapement_tests::program::built;
 
-fn said(example: &str) -> String {
+fn run_example(example: &str) -> String {
     let done = Command::new(built().join(example)).output();
     let done = done.unwrap_or_else(|error| panic!("{example}: {error}; build the workspace first"));
     let (out, err) = (
@@ -16,7 +16,7 @@ fn said(example: &str) -> String {
 }
 
 /// The number in front of ` m` in the line that begins with `start`.
-fn depth(out: &str, start: &str) -> f64 {
+fn number_of_metres(out: &str, start: &str) -> f64 {
     let line = out.lines().find(|line| line.starts_with(start));
     let line = line.unwrap_or_else(|| panic!("no line `{start}`: {out}"));
     let words: Vec<&str> = line.split([' ', ',']).collect();
@@ -26,24 +26,27 @@ fn depth(out: &str, start: &str) -> f64 {
 
 #[test]
 fn code_that_closes_the_loop_holds_the_level() {
-    let out = said("closed_loop");
-    let last = depth(&out, "t = 120.0 s");
+    let out = run_example("closed_loop");
+    let last = number_of_metres(&out, "t = 120.0 s");
     assert!((last - 1.0).abs() < 0.02, "{out}");
     assert!(out.contains("Complete, tape "), "{out}");
-    assert_eq!(said("closed_loop"), out, "the same every time");
+    assert_eq!(run_example("closed_loop"), out, "the same every time");
 }
 
 #[test]
-fn two_futures_part_and_the_better_one_is_kept() {
-    let out = said("two_futures");
-    let (idle, pumped) = (depth(&out, "with 0 m^3/s"), depth(&out, "with 0.012 m^3/s"));
-    assert!(idle < depth(&out, "at 60 s") && idle < pumped, "{out}");
-    assert_eq!(depth(&out, "kept: 0 m^3/s"), idle, "{out}");
+fn better_of_two_branches_is_kept() {
+    let out = run_example("two_futures");
+    let (idle, pumped) = (
+        number_of_metres(&out, "with 0 m^3/s"),
+        number_of_metres(&out, "with 0.012 m^3/s"),
+    );
+    assert!(idle < number_of_metres(&out, "at 60 s") && idle < pumped, "{out}");
+    assert_eq!(number_of_metres(&out, "kept: 0 m^3/s"), idle, "{out}");
 }
 
 #[test]
-fn scenario_that_no_file_says_is_one_tape_in_one_process_and_in_many() {
-    let out = said("without_file");
+fn scenario_built_in_code_gives_one_tape_in_every_way() {
+    let out = run_example("without_file");
     let tapes: Vec<&str> = out.lines().filter(|line| line.starts_with("Complete, tape ")).collect();
     assert!(out.contains("the same tape in processes: true"), "{out}");
     assert_eq!(tapes.len(), 3, "{out}");

@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use escapement_tests::machine::signal;
-use escapement_tests::program::{Folder, Said, finish, orchestrate, root, start, text};
+use escapement_tests::machine::send_signal;
+use escapement_tests::program::{
+    Folder, ProgramOutput, root, run_orchestrator, start_orchestrator, text, wait_for_output,
+};
 use serde_json::Value;
 
 /// The specification of the stock P gains with one flight of this title, length and criterion.
@@ -35,20 +37,20 @@ fn margins(specification: &Path) -> [String; 6] {
     ["margins", text(&gains), "--spec", text(specification), "--models", "0"].map(String::from)
 }
 
-/// `margins` on the stock P gains with a specification whose flights ask for this base rate at the end.
-fn flown(rate: &str) -> escapement_tests::program::Said {
+/// `margins` on the stock P gains with a specification whose closed-loop verification requires this base rate at the end.
+fn verify_margins(rate: &str) -> escapement_tests::program::ProgramOutput {
     let folder = Folder::new("flown");
     let arguments = margins(&specification(&folder, "a push", "12 s", rate));
-    orchestrate(&arguments.each_ref().map(String::as_str))
+    run_orchestrator(&arguments.each_ref().map(String::as_str))
 }
 
-/// A flight that misses its criteria although the sampled loop is stable ends with 3, and says which.
+/// A closed-loop verification that misses its criteria although the sampled loop is stable ends with 3 and reports which.
 #[test]
-fn a_flight_that_contradicts_the_linear_claim_is_told() {
-    let settled = flown("0.1 deg/s");
+fn simulation_that_contradicts_the_linear_result_is_reported() {
+    let settled = verify_margins("0.1 deg/s");
     assert_eq!(settled.code, Some(0), "{settled:?}");
     assert!(settled.out.contains("10 + 10"), "{settled:?}");
-    let contradicted = flown("1e-9 deg/s");
+    let contradicted = verify_margins("1e-9 deg/s");
     assert_eq!(contradicted.code, Some(3), "{contradicted:?}");
     assert!(
         contradicted.err.contains("the sampled loop is stable") && contradicted.err.contains("does not settle"),
@@ -56,14 +58,14 @@ fn a_flight_that_contradicts_the_linear_claim_is_told() {
     );
 }
 
-/// A command killed in the middle of a flight leaves its folder where `doctor` finds it.
+/// A command killed during the closed-loop verification leaves its folder where `doctor` finds it.
 #[test]
-fn what_a_killed_flight_leaves_is_removed() {
+fn leftovers_of_a_killed_verification_are_removed() {
     let base = Path::new("/dev/shm");
     let folder = Folder::new("killed-flight");
     let title = format!("a flight to be killed {}", std::process::id());
     let arguments = margins(&specification(&folder, &title, "100000 s", "1 deg/s"));
-    let child = start(&arguments.each_ref().map(String::as_str));
+    let child = start_orchestrator(&arguments.each_ref().map(String::as_str));
     let started = Instant::now();
     let left = loop {
         let entries = std::fs::read_dir(base).into_iter().flatten().flatten();
@@ -83,22 +85,22 @@ fn what_a_killed_flight_leaves_is_removed() {
         std::thread::sleep(Duration::from_millis(5));
     };
     // While the process lives, its folder is not removed.
-    assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
+    assert_eq!(run_orchestrator(&["doctor", "--remove"]).code, Some(0));
     assert!(left.exists());
     let on_disk = left.join("scratch").canonicalize().expect("what is large is on disk");
-    signal(child.id(), rustix::process::Signal::KILL);
-    assert_eq!(finish(child).code, None);
-    assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
+    send_signal(child.id(), rustix::process::Signal::KILL);
+    assert_eq!(wait_for_output(child).code, None);
+    assert_eq!(run_orchestrator(&["doctor", "--remove"]).code, Some(0));
     for left in [left, on_disk] {
         assert!(!left.exists(), "{} is left", left.display());
     }
 }
 
 /// `tune` on plain matrices: exit code and message.
-fn tune_matrices(json: &str) -> escapement_tests::program::Said {
+fn tune_matrices(json: &str) -> escapement_tests::program::ProgramOutput {
     let folder = Folder::new("tune-matrices");
     let file = folder.write("plant.json", json);
-    orchestrate(&["tune", text(&file), "--starts", "2"])
+    run_orchestrator(&["tune", text(&file), "--starts", "2"])
 }
 
 #[test]
@@ -117,13 +119,13 @@ fn tune_warns_where_no_gain_is_optimal() {
             "w does not reach z",
         ),
     ] {
-        let said = tune_matrices(json);
-        assert_eq!(said.code, Some(3), "{said:?}");
+        let output = tune_matrices(json);
+        assert_eq!(output.code, Some(3), "{output:?}");
         assert!(
-            said.err.contains("warning: ") && said.err.contains(expected),
-            "{said:?}"
+            output.err.contains("warning: ") && output.err.contains(expected),
+            "{output:?}"
         );
-        assert!(said.out.contains("gamma"), "{said:?}");
+        assert!(output.out.contains("gamma"), "{output:?}");
     }
 }
 
@@ -135,28 +137,28 @@ fn tune_names_the_line_of_a_wrong_key() {
         (",\n\"ny\": 2}", "plant.json:6: ny: 2 stated"),
         (",\n\"D12\": [[1, 2]]}", "plant.json:6: matrix D12 is 1 x 2"),
     ] {
-        let said = tune_matrices(&format!("{plant}{extra}"));
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(said.err.contains(expected), "{said:?}");
+        let output = tune_matrices(&format!("{plant}{extra}"));
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(expected), "{output:?}");
     }
 }
 
 /// The output of `check --json` about the velocity loop of a stock scenario, with the given changes.
 fn velocity_loop(scenario: &str, sets: &[String]) -> Value {
-    let said = check(scenario, sets, true);
-    assert_eq!(said.code, Some(0), "{scenario}: {said:?}");
-    let said: Value = serde_json::from_str(&said.out).expect("check gives JSON");
-    let loops = said["velocity_loops"].as_array().expect("a list of loops");
+    let output = check(scenario, sets, true);
+    assert_eq!(output.code, Some(0), "{scenario}: {output:?}");
+    let output: Value = serde_json::from_str(&output.out).expect("check gives JSON");
+    let loops = output["velocity_loops"].as_array().expect("a list of loops");
     assert_eq!(loops.len(), 1, "{scenario}");
     loops[0].clone()
 }
 
-fn check(scenario: &str, sets: &[String], json: bool) -> Said {
+fn check(scenario: &str, sets: &[String], json: bool) -> ProgramOutput {
     let file = root().join("scenarios").join(format!("{scenario}.toml"));
     let mut arguments = vec!["check", text(&file)];
     arguments.extend(json.then_some("--json"));
     arguments.extend(sets.iter().flat_map(|set| ["--set", set.as_str()]));
-    orchestrate(&arguments)
+    run_orchestrator(&arguments)
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
@@ -174,11 +176,11 @@ fn delays() -> Vec<String> {
 /// The number of samples in transit is the order of the sampled loop, so a long delay would take the memory and the time of its eigenvalues.
 #[test]
 fn velocity_loop_with_a_long_delay_is_not_analysed() {
-    let said = check("close", &["connections.command.delay=\"60 s\"".to_owned()], false);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = check("close", &["connections.command.delay=\"60 s\"".to_owned()], false);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let expected =
         "participants.controller.parameters.gains: the stability of the velocity loop is not analysed: 60.0 s of delay";
-    assert!((said.out + &said.err).contains(expected), "{expected}");
+    assert!((output.out + &output.err).contains(expected), "{expected}");
 }
 
 /// Every stock scenario flies gains that are stable with the stated margin at the start, when pointing and at the grasp, with
@@ -199,8 +201,8 @@ fn stock_velocity_loops_have_the_stated_margin() {
                     assert!(one[radius].as_f64().unwrap() < 1.0, "{name} {sets:?}: {one}");
                 }
             }
-            let said = check(&name, &sets, false);
-            assert!(!said.err.contains("velocity loop"), "{name}: {said:?}");
+            let output = check(&name, &sets, false);
+            assert!(!output.err.contains("velocity loop"), "{name}: {output:?}");
             seen += 1;
         }
     }
@@ -269,7 +271,7 @@ fn gains_unstable_at_the_grasp_are_warned_of() {
         text(&out),
     ];
     arguments.extend(sets.iter().flat_map(|set| ["--set", set.as_str()]));
-    let run = orchestrate(&arguments);
+    let run = run_orchestrator(&arguments);
     assert!(run.err.contains("unstable at the grasp"), "{run:?}");
 }
 
@@ -292,8 +294,8 @@ fn tune_takes_a_configuration_from_a_run() {
         text(&run),
     ];
     // The approach fails because the time is too short; only the tape is needed.
-    let said = orchestrate(&arguments);
-    assert!(run.join("tape").exists(), "{said:?}");
+    let output = run_orchestrator(&arguments);
+    assert!(run.join("tape").exists(), "{output:?}");
     let stock = std::fs::read_to_string(root().join("gains/p-diagonal.spec.toml")).unwrap();
     let (head, rest) = stock.split_once("[[models]]").unwrap();
     let (_, tail) = rest.split_once("[search]").unwrap();
@@ -308,7 +310,7 @@ fn tune_takes_a_configuration_from_a_run() {
         let spec = folder.write("here.spec.toml", &spec);
         let mut arguments = vec!["tune", text(&spec), "--no-margins", "--no-flights"];
         arguments.extend(more);
-        orchestrate(&arguments)
+        run_orchestrator(&arguments)
     };
     let place = format!("{}:10ms", text(&run));
     let key = format!("at = {place:?}");
@@ -316,8 +318,8 @@ fn tune_takes_a_configuration_from_a_run() {
         (key.as_str(), vec![]),
         ("joints_deg = [0, 0, 0, 0, 0, 0, 0]", vec!["--at", place.as_str()]),
     ] {
-        let said = tuned(at, &more);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = tuned(at, &more);
+        assert_eq!(output.code, Some(0), "{output:?}");
         let file: toml::Table = std::fs::read_to_string(folder.path().join("here.toml"))
             .unwrap()
             .parse()
@@ -348,8 +350,9 @@ fn tune_takes_a_configuration_from_a_run() {
         (&format!("at = \"{}:5s\"", text(&run)), ["ends at 0.02", "before 5 s"]),
         (&format!("at = \"{}\"", text(&run)), ["no instant", "RUN:TIME"]),
     ] {
-        let said = tuned(at, &[]);
-        assert_eq!(said.code, Some(2), "{at}: {said:?}");
-        assert!(expected.iter().all(|words| said.err.contains(words)), "{at}: {said:?}");
+        let output = tuned(at, &[]);
+        assert_eq!(output.code, Some(2), "{at}: {output:?}");
+        let found = expected.iter().all(|words| output.err.contains(words));
+        assert!(found, "{at}: {output:?}");
     }
 }

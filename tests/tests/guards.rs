@@ -1,7 +1,7 @@
 //! Well-formed but invalid samples, and the guards that reject them.
 
-use escapement_tests::program::{Folder, orchestrate, participant, root, text};
-use escapement_tests::world::World;
+use escapement_tests::fixture::RunFixture;
+use escapement_tests::program::{Folder, participant, root, run_orchestrator, text};
 
 const GUARDS: &str = r#"
 [guards.strong]
@@ -15,106 +15,106 @@ frozen-for = "500 ms"
 "#;
 
 #[test]
-fn who_tells_the_truth_passes() {
-    let world = World::with("truth", "damper", GUARDS);
-    let said = world.run("run", &[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    world.same_as_undisturbed("run");
+fn outputs_within_their_guards_pass() {
+    let fixture = RunFixture::with_appended("truth", "damper", GUARDS);
+    let output = fixture.run("run", &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    fixture.assert_same_as_undisturbed("run");
 }
 
 #[test]
-fn a_value_out_of_its_range_ends_the_run_with_field_time_and_value() {
-    let world = World::with("range", "out_of_range", GUARDS);
-    let said = world.run("run", &[]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+fn out_of_range_value_ends_run_with_field_time_and_value() {
+    let fixture = RunFixture::with_appended("range", "out_of_range", GUARDS);
+    let output = fixture.run("run", &[]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     let words = "participant `damper`: gave out `damper.push` sample #200 at t = 2 s with force = 90 N, outside of -80 to 80 N \
                  (guard `strong`)";
-    assert!(said.err.contains(words), "{said:?}");
+    assert!(output.err.contains(words), "{output:?}");
     // The sample is on the tape, because other participants may have seen it.
-    let tape = std::fs::read(world.path("run/tape/damper.push.bin")).unwrap();
+    let tape = std::fs::read(fixture.path("run/tape/damper.push.bin")).unwrap();
     assert!(tape.len() >= 24 * 201, "{}", tape.len());
     assert_eq!(tape[24 * 200 + 8..24 * 200 + 16], 90_f64.to_le_bytes());
 }
 
 #[test]
-fn an_output_that_does_not_change_any_more_ends_the_run() {
-    let world = World::with("frozen", "frozen", GUARDS);
-    let said = world.run("run", &[]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+fn frozen_output_ends_the_run() {
+    let fixture = RunFixture::with_appended("frozen", "frozen", GUARDS);
+    let output = fixture.run("run", &[]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     for part in [
         "participant `damper`",
         "sample #250 at t = 2.5 s frozen: force = ",
         "since t = 2 s (guard `alive`)",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+        assert!(output.err.contains(part), "`{part}` is not in {output:?}");
     }
 }
 
 #[test]
-fn an_offender_can_be_replaced_but_not_restarted() {
+fn offending_participant_can_be_replaced_but_not_restarted() {
     let good = participant("damper").display().to_string();
     for (offender, first) in [("out_of_range", 200), ("frozen", 250)] {
-        let world = World::with("replaced", offender, GUARDS);
+        let fixture = RunFixture::with_appended("replaced", offender, GUARDS);
         let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");
-        let said = world.run("run", &["--set", &policy, "--checkpoint-every", "3s"]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = fixture.run("run", &["--set", &policy, "--checkpoint-every", "3s"]);
+        assert_eq!(output.code, Some(0), "{output:?}");
         // How far the offending participant has got by then depends on the machine, but it is not past the next pause.
-        let count = world.count("run", 999);
+        let count = fixture.count("run", 999);
         assert!((700..1000 - first).contains(&count), "{count}");
-        let said = world.run(
+        let output = fixture.run(
             "again",
             &["--set", "participants.damper.on-failure=restart-from-checkpoint"],
         );
-        assert_eq!(said.code, Some(1), "{said:?}");
+        assert_eq!(output.code, Some(1), "{output:?}");
         assert!(
-            said.err.contains("a restart would have to give the same again"),
-            "{said:?}"
+            output.err.contains("a restart would have to give the same again"),
+            "{output:?}"
         );
     }
 }
 
 #[test]
-fn an_offender_that_has_done_everything_cannot_be_replaced() {
+fn finished_offending_participant_cannot_be_replaced() {
     let good = participant("damper").display().to_string();
-    let world = World::with("finished", "out_of_range", GUARDS);
+    let fixture = RunFixture::with_appended("finished", "out_of_range", GUARDS);
     let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");
     // Its last sample is the first invalid one.
-    let said = world.run("run", &["--set", &policy, "--duration", "2.01s"]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = fixture.run("run", &["--set", &policy, "--duration", "2.01s"]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     for part in [
         "sample #200",
         "(guard `strong`)",
         "it had taken its last step",
         "--checkpoint-every",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+        assert!(output.err.contains(part), "`{part}` is not in {output:?}");
     }
 }
 
 #[test]
-fn in_one_process_as_well() {
+fn guard_violation_ends_run_in_one_process() {
     let folder = Folder::new("guards");
     let guard = "guards.weak={ output = \"controller.command\", field = \"tau[2]\", range = \"[-1, 1] mN m\" }";
     let scenario = root().join("scenarios/close.toml");
-    let mut said = Vec::new();
+    let mut messages = Vec::new();
     for (name, more) in [("one", &["--in-process"][..]), ("many", &[])] {
         let out = folder.path().join(name);
         let arguments = ["run", text(&scenario), "--out", text(&out), "--quiet", "--set", guard];
-        let it = orchestrate(&[&arguments[..], more].concat());
+        let it = run_orchestrator(&[&arguments[..], more].concat());
         assert_eq!(it.code, Some(1), "{it:?}");
         assert!(
             it.err
                 .contains("participant `controller`: gave out `controller.command`"),
             "{it:?}"
         );
-        said.push(it.err);
+        messages.push(it.err);
     }
-    assert_eq!(said[0], said[1]);
+    assert_eq!(messages[0], messages[1]);
 }
 
 /// The modes that the stock participants report have names, which guards and messages use.
 #[test]
-fn stock_modes_go_by_their_names() {
+fn stock_modes_are_guarded_by_name() {
     let folder = Folder::new("modes");
     let scenario = root().join("scenarios/close.toml");
     for (output, field, never, words) in [
@@ -134,7 +134,7 @@ fn stock_modes_go_by_their_names() {
     ] {
         let guard = format!("guards.named={{ output = \"{output}\", field = \"{field}\", never = {never} }}");
         let out = folder.path().join(field);
-        let said = orchestrate(&[
+        let output = run_orchestrator(&[
             "run",
             text(&scenario),
             "--out",
@@ -143,13 +143,13 @@ fn stock_modes_go_by_their_names() {
             "--set",
             &guard,
         ]);
-        assert_eq!(said.code, Some(1), "{said:?}");
-        assert!(said.err.contains(words), "`{words}` is not in {said:?}");
+        assert_eq!(output.code, Some(1), "{output:?}");
+        assert!(output.err.contains(words), "`{words}` is not in {output:?}");
     }
 }
 
 #[test]
-fn a_guard_that_cannot_be_is_refused_with_the_remedy() {
+fn invalid_guard_is_refused_with_the_remedy() {
     let folder = Folder::new("refused");
     let close = std::fs::read_to_string(root().join("scenarios/close.toml")).unwrap();
     let close = close.replace("\"../", &format!("\"{}/", root().display()));
@@ -197,10 +197,10 @@ fn a_guard_that_cannot_be_is_refused_with_the_remedy() {
         ("output = \"controller.command\"\nforever = true", &["guards.g.forever"]),
     ] {
         let file = folder.write("bad.toml", &format!("{close}\n[guards.g]\n{guard}\n"));
-        let said = orchestrate(&["check", text(&file)]);
-        assert_eq!(said.code, Some(2), "{guard}: {said:?}");
+        let output = run_orchestrator(&["check", text(&file)]);
+        assert_eq!(output.code, Some(2), "{guard}: {output:?}");
         for part in [&["bad.toml:"], parts].concat() {
-            assert!(said.err.contains(part), "{guard}: `{part}` is not in {}", said.err);
+            assert!(output.err.contains(part), "{guard}: `{part}` is not in {}", output.err);
         }
     }
 }

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use engine::Catalogue;
 use engine::run::{Options, Record, Run, RunFailure};
 use engine::scenario::Scenario;
-use escapement_tests::compiler::{Workshop, must};
-use escapement_tests::parts::{Damper, Motion, Oscillator, Push, inside};
+use escapement_tests::compiler::{NativeBuild, run_checked};
+use escapement_tests::participants::{Damper, Motion, Oscillator, Push, in_process_options};
 use escapement_tests::program::{Folder, participant};
 use tape::EventKind;
 
@@ -33,8 +33,8 @@ fn scenario(processes: bool) -> Scenario {
     read.unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn whole() -> String {
-    let outcome = engine::run::run(&scenario(false), &inside(Record::Digest)).unwrap();
+fn undisturbed_digest() -> String {
+    let outcome = engine::run::run(&scenario(false), &in_process_options(Record::Digest)).unwrap();
     outcome.digest.unwrap().to_string()
 }
 
@@ -43,7 +43,7 @@ fn digest(run: Run) -> String {
 }
 
 /// The control law of the damper, computed by the test.
-fn answer(run: &mut Run, count: &mut u64) {
+fn answer_as_damper(run: &mut Run, count: &mut u64) {
     let motion: Motion = run.shown("damper.motion").unwrap().get().unwrap();
     *count += 1;
     let (force, count) = (Damper::force(&motion), *count);
@@ -51,22 +51,22 @@ fn answer(run: &mut Run, count: &mut u64) {
 }
 
 #[test]
-fn law_that_answers_from_outside_gives_the_tape_of_the_participant() {
-    let whole = whole();
-    let mut run = Run::start(&scenario(false), &inside(Record::Memory)).unwrap();
+fn external_law_gives_the_tape_of_the_participant() {
+    let whole = undisturbed_digest();
+    let mut run = Run::start(&scenario(false), &in_process_options(Record::Memory)).unwrap();
     let mut count = 0;
     while run.run_before("damper").unwrap() {
         assert_eq!(run.now_s(), count as f64 / 100.0);
-        answer(&mut run, &mut count);
+        answer_as_damper(&mut run, &mut count);
     }
     assert!(run.is_over() && count == 200);
     assert_eq!(digest(run), whole);
 }
 
 #[test]
-fn continuous_one_is_held_and_answered_as_well() {
-    let whole = whole();
-    let mut run = Run::start(&scenario(false), &inside(Record::Memory)).unwrap();
+fn continuous_participant_is_held_and_answered() {
+    let whole = undisturbed_digest();
+    let mut run = Run::start(&scenario(false), &in_process_options(Record::Memory)).unwrap();
     let mut motion = Motion {
         position: 1.0,
         velocity: 0.0,
@@ -81,9 +81,9 @@ fn continuous_one_is_held_and_answered_as_well() {
 }
 
 #[test]
-fn one_that_is_held_and_not_answered_steps_as_ever() {
-    let whole = whole();
-    let mut run = Run::start(&scenario(false), &inside(Record::Memory)).unwrap();
+fn held_participant_without_an_answer_steps_normally() {
+    let whole = undisturbed_digest();
+    let mut run = Run::start(&scenario(false), &in_process_options(Record::Memory)).unwrap();
     // Held repeatedly, with pauses in between, and restored.
     for name in ["damper", "damper", "plant", "plant", "damper"] {
         assert!(run.run_before(name).unwrap());
@@ -102,18 +102,18 @@ fn one_that_is_held_and_not_answered_steps_as_ever() {
 }
 
 #[test]
-fn tape_says_that_outputs_were_given_from_outside() {
+fn tape_marks_outputs_given_from_outside() {
     let folder = Folder::new("held");
     let out = folder.path().join("out");
     let options = Options {
         out: Some(out.clone()),
-        ..inside(Record::Folder)
+        ..in_process_options(Record::Folder)
     };
     let mut run = Run::start(&scenario(false), &options).unwrap();
     let mut count = 0;
     for _ in 0..3 {
         assert!(run.run_before("damper").unwrap());
-        answer(&mut run, &mut count);
+        answer_as_damper(&mut run, &mut count);
     }
     run.run_to("2 s").unwrap();
     run.end().unwrap();
@@ -128,13 +128,13 @@ fn tape_says_that_outputs_were_given_from_outside() {
 }
 
 #[test]
-fn what_cannot_be_within_an_instant_is_refused() {
-    let mut run = Run::start(&scenario(false), &inside(Record::Memory)).unwrap();
+fn invalid_call_on_a_held_run_is_refused() {
+    let mut run = Run::start(&scenario(false), &in_process_options(Record::Memory)).unwrap();
     let has = |failure: RunFailure, words: &[&str]| {
-        let said = failure.to_string();
+        let message = failure.to_string();
         words
             .iter()
-            .for_each(|word| assert!(said.contains(word), "no `{word}` in {said}"));
+            .for_each(|word| assert!(message.contains(word), "no `{word}` in {message}"));
     };
     has(
         run.run_before("pilot").unwrap_err(),
@@ -190,8 +190,8 @@ fn what_cannot_be_within_an_instant_is_refused() {
 
 #[test]
 fn program_in_c_takes_the_place_of_the_controller() {
-    let shop = Workshop::open("held");
-    let program = shop.caller("tests/plugins/holder.c", "holder");
+    let native_build = NativeBuild::new("held");
+    let program = native_build.caller("tests/plugins/holder.c", "holder");
     let folder = Folder::new("held-c");
     let scenario = folder.write(
         "springs.toml",
@@ -201,11 +201,11 @@ fn program_in_c_takes_the_place_of_the_controller() {
          damping = \"0 N s/m\" }\n[connections.there]\nfrom = \"left.motion\"\nto = \"right.neighbour\"\n[connections.back]\nfrom = \
          \"right.motion\"\nto = \"left.neighbour\"\n",
     );
-    let said = must(Command::new(program).arg(scenario));
-    let lines: Vec<&str> = said.lines().collect();
-    assert_eq!(lines.len(), 3, "{said}");
-    assert!(lines[0].contains("is not held before an activation"), "{said}");
-    assert!(lines[1].len() >= 64, "{said}");
+    let output = run_checked(Command::new(program).arg(scenario));
+    let lines: Vec<&str> = output.lines().collect();
+    assert_eq!(lines.len(), 3, "{output}");
+    assert!(lines[0].contains("is not held before an activation"), "{output}");
+    assert!(lines[1].len() >= 64, "{output}");
     assert_eq!(
         lines[1], lines[2],
         "by its own steps, and by the answers of the program"

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use escapement_tests::machine::processes_of;
-use escapement_tests::program::{Folder, Said, finish, orchestrate, start, text};
+use escapement_tests::program::{Folder, ProgramOutput, run_orchestrator, start_orchestrator, text, wait_for_output};
 
 const CLOSE: &str = "scenarios/close.toml";
 
@@ -66,7 +66,7 @@ name = "a fault on the way"
 faults = [{ name = "encoder", at = "0.3 s", until = "1.4 s", input = "controller.measured", field = "q[3]", kind = "ramp", value = "0.1 deg/s" }]
 "#;
 
-fn sweep(out: &Path, cases: &Path, more: &[&str]) -> Said {
+fn sweep(out: &Path, cases: &Path, more: &[&str]) -> ProgramOutput {
     let own = [
         "faults",
         CLOSE,
@@ -77,11 +77,11 @@ fn sweep(out: &Path, cases: &Path, more: &[&str]) -> Said {
         "--set",
         "duration=2s",
     ];
-    orchestrate(&[&own, more].concat())
+    run_orchestrator(&[&own, more].concat())
 }
 
 /// The table and the picture, and the journal without its order.
-fn left(folder: &Path) -> (Vec<Vec<u8>>, Vec<String>) {
+fn campaign_results(folder: &Path) -> (Vec<Vec<u8>>, Vec<String>) {
     let read = |name: &str| std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
     let journal = String::from_utf8(read("results.jsonl")).unwrap();
     let mut lines: Vec<String> = journal.lines().map(String::from).collect();
@@ -90,7 +90,7 @@ fn left(folder: &Path) -> (Vec<Vec<u8>>, Vec<String>) {
 }
 
 #[test]
-fn points_of_all_kinds_are_the_same_whatever_the_number_of_lanes() {
+fn points_do_not_depend_on_the_number_of_lanes() {
     let folder = Folder::new("lanes");
     let cases = folder.path().join("cases.toml");
     std::fs::write(&cases, CASES).unwrap();
@@ -98,13 +98,17 @@ fn points_of_all_kinds_are_the_same_whatever_the_number_of_lanes() {
         let run = |lanes: &str| {
             let out = folder.path().join(format!("{lanes}-{}", digest.len()));
             let more = [&["--workers", "1", "--lanes", lanes, "--json"], digest].concat();
-            let said = sweep(&out, &cases, &more);
-            assert_eq!(said.code, Some(1), "{said:?}");
-            (said.json(), left(&out))
+            let output = sweep(&out, &cases, &more);
+            assert_eq!(output.code, Some(1), "{output:?}");
+            (output.json(), campaign_results(&out))
         };
-        let (said, alone) = run("1");
-        let outcome = |at: usize| said["rows"][at]["outcome"].as_str().unwrap().to_owned();
-        assert_eq!((outcome(5), outcome(6)), ("failed".into(), "refused".into()), "{said}");
+        let (output, alone) = run("1");
+        let outcome = |at: usize| output["rows"][at]["outcome"].as_str().unwrap().to_owned();
+        assert_eq!(
+            (outcome(5), outcome(6)),
+            ("failed".into(), "refused".into()),
+            "{output}"
+        );
         for lanes in ["4", "8", "13"] {
             assert_eq!(run(lanes).1, alone, "{lanes} lanes, {digest:?}");
         }
@@ -112,15 +116,15 @@ fn points_of_all_kinds_are_the_same_whatever_the_number_of_lanes() {
 }
 
 #[test]
-fn a_worker_that_is_killed_loses_no_point_of_several() {
+fn killed_worker_loses_none_of_its_points() {
     let folder = Folder::new("lanes-killed");
     let seeds = ["--vary", "seed=1..12", "--workers", "1", "--json", "--digest"];
     let whole = folder.path().join("whole");
-    let said = orchestrate(&[&["sweep", CLOSE, "--out", text(&whole), "--lanes", "1"], &seeds[..]].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&[&["sweep", CLOSE, "--out", text(&whole), "--lanes", "1"], &seeds[..]].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
 
     let out = folder.path().join("out");
-    let child = start(&[&["sweep", CLOSE, "--out", text(&out), "--lanes", "8"], &seeds[..]].concat());
+    let child = start_orchestrator(&[&["sweep", CLOSE, "--out", text(&out), "--lanes", "8"], &seeds[..]].concat());
     let started = Instant::now();
     let mut worker = String::new();
     // as soon as the first results exist, when several points are in progress again
@@ -135,25 +139,25 @@ fn a_worker_that_is_killed_loses_no_point_of_several() {
         .stderr(Stdio::null())
         .status();
     assert!(kill.unwrap().success());
-    let said = finish(child);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert_eq!(left(&out), left(&whole));
+    let output = wait_for_output(child);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert_eq!(campaign_results(&out), campaign_results(&whole));
     assert_eq!(processes_of(folder.path()), Vec::<String>::new());
 }
 
 #[test]
-fn a_campaign_that_is_interrupted_and_one_in_shards_have_the_same_table() {
+fn interrupted_and_sharded_campaigns_have_the_same_table() {
     let folder = Folder::new("lanes-shards");
     let out = |name: &str| folder.path().join(name);
     let vary = ["--vary", "seed=1..20", "--quiet", "--digest", "--set", "duration=5s"];
     let sweep = |name: &str, more: &[&str]| {
-        orchestrate(&[&["sweep", CLOSE, "--out", text(&out(name))], &vary[..], more].concat())
+        run_orchestrator(&[&["sweep", CLOSE, "--out", text(&out(name))], &vary[..], more].concat())
     };
-    let said = sweep("whole", &["--lanes", "1"]);
-    let code = said.code;
-    assert!(matches!(code, Some(0 | 1)), "{said:?}");
+    let output = sweep("whole", &["--lanes", "1"]);
+    let code = output.code;
+    assert!(matches!(code, Some(0 | 1)), "{output:?}");
 
-    let child = start(
+    let child = start_orchestrator(
         &[
             &["sweep", CLOSE, "--out", text(&out("stopped")), "--workers", "1"],
             &vary[..],
@@ -167,15 +171,15 @@ fn a_campaign_that_is_interrupted_and_one_in_shards_have_the_same_table() {
     }
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(killed.unwrap().success());
-    finish(child);
+    wait_for_output(child);
     assert_eq!(sweep("stopped", &["--lanes", "5"]).code, code);
-    assert_eq!(left(&out("stopped")), left(&out("whole")));
+    assert_eq!(campaign_results(&out("stopped")), campaign_results(&out("whole")));
 
     for (shard, lanes) in [("1/2", "8"), ("2/2", "3")] {
         let name = shard.replace('/', "-");
         assert_eq!(sweep(&name, &["--shard", shard, "--lanes", lanes]).code, code);
     }
-    let merged = orchestrate(&[
+    let merged = run_orchestrator(&[
         "sweep",
         "merge",
         text(&out("merged")),

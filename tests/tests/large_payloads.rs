@@ -4,23 +4,23 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use escapement_tests::compiler::Workshop;
-use escapement_tests::program::{Folder, Said, orchestrate, text};
+use escapement_tests::compiler::NativeBuild;
+use escapement_tests::program::{Folder, ProgramOutput, run_orchestrator, text};
 
 /// The cameras' plug-ins: a picture of 2048 by 2048 pixels, and one of 64 MiB less 8192 bytes.
-fn plugins() -> &'static Workshop {
-    static PLUGINS: OnceLock<Workshop> = OnceLock::new();
+fn plugins() -> &'static NativeBuild {
+    static PLUGINS: OnceLock<NativeBuild> = OnceLock::new();
     PLUGINS.get_or_init(|| {
-        let workshop = Workshop::open("cameras");
+        let native_build = NativeBuild::new("cameras");
         for (name, rows, columns) in [
             ("libcamera.so", 2048, 2048),
             ("liblarge.so", 8191, 8192),
             ("libbeyond.so", 8192, 8192),
         ] {
             let size = [format!("-DROWS={rows}"), format!("-DCOLUMNS={columns}")];
-            workshop.plugin("tests/plugins/camera.c", name, &[&size[0], &size[1]]);
+            native_build.plugin("tests/plugins/camera.c", name, &[&size[0], &size[1]]);
         }
-        workshop
+        native_build
     })
 }
 
@@ -42,12 +42,12 @@ fn scenario(folder: &Folder, plugin: &str, period: &str, duration: &str, more: &
     file
 }
 
-fn done(said: Said) {
-    assert_eq!(said.code, Some(0), "{said:?}");
+fn assert_success(output: ProgramOutput) {
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 /// The viewer's results: exposure, sum and last pixel of each image.
-fn seen(run: &Path) -> Vec<(f64, u64, u64)> {
+fn viewer_results(run: &Path) -> Vec<(f64, u64, u64)> {
     let bytes = fs::read(run.join("tape/viewer.seen.bin")).expect("the tape has the stream");
     let records = bytes.as_chunks::<32>().0.iter();
     let word = |record: &[u8; 32], at: usize| u64::from_le_bytes(*record[at..].first_chunk().expect("a word"));
@@ -72,18 +72,24 @@ fn pictures_give_one_tape_and_are_exported_as_they_are() {
     let file = scenario(&folder, "libcamera.so", "100 ms", "1 s", "");
     let path = |name: &str| folder.path().join(name);
     let (processes, within) = (path("processes"), path("within"));
-    done(orchestrate(&["run", text(&file), "--quiet", "--out", text(&processes)]));
+    assert_success(run_orchestrator(&[
+        "run",
+        text(&file),
+        "--quiet",
+        "--out",
+        text(&processes),
+    ]));
     let arguments = ["run", text(&file), "--quiet", "--out", text(&within)];
-    done(orchestrate(&[&arguments[..], &["--in-process"]].concat()));
-    done(orchestrate(&[
+    assert_success(run_orchestrator(&[&arguments[..], &["--in-process"]].concat()));
+    assert_success(run_orchestrator(&[
         "replay",
         text(&processes),
         "--participant",
         "viewer",
         "--quiet",
     ]));
-    done(orchestrate(&["compare", text(&processes), text(&within)]));
-    assert_eq!(seen(&processes), expected(2048, 2048, 10));
+    assert_success(run_orchestrator(&["compare", text(&processes), text(&within)]));
+    assert_eq!(viewer_results(&processes), expected(2048, 2048, 10));
 
     let size = 8 + 2048 * 2048;
     assert_eq!(
@@ -93,7 +99,7 @@ fn pictures_give_one_tape_and_are_exported_as_they_are() {
     // One column or array for all pixels of a picture, each byte once.
     let exported = path("exported");
     for format in ["csv", "parquet", "mcap", "mat"] {
-        done(orchestrate(&[
+        assert_success(run_orchestrator(&[
             "export",
             text(&within),
             "--to",
@@ -113,14 +119,14 @@ fn pictures_give_one_tape_and_are_exported_as_they_are() {
     }
     // Neither the page nor `check` iterates over the pixels.
     let page = path("page.html");
-    done(orchestrate(&["report", text(&within), "--out", text(&page)]));
+    assert_success(run_orchestrator(&["report", text(&within), "--out", text(&page)]));
     let page = fs::read_to_string(page).unwrap();
     assert!(
         page.contains("4194304 elements"),
         "the page does not say that it does not draw the picture"
     );
     assert!(page.len() < 4 << 20, "the page has {} bytes", page.len());
-    let plan = orchestrate(&["check", text(&file), "--json"]);
+    let plan = run_orchestrator(&["check", text(&file), "--json"]);
     assert!(
         plan.out.len() < 64 << 10,
         "check --json prints {} bytes",
@@ -133,14 +139,14 @@ fn largest_picture_goes_through_a_process_and_one_loop() {
     let folder = Folder::new("largest");
     let file = scenario(&folder, "liblarge.so", "1 s", "2 s", "");
     let path = |name: &str| folder.path().join(name);
-    done(orchestrate(&[
+    assert_success(run_orchestrator(&[
         "run",
         text(&file),
         "--quiet",
         "--out",
         text(&path("processes")),
     ]));
-    done(orchestrate(&[
+    assert_success(run_orchestrator(&[
         "run",
         text(&file),
         "--quiet",
@@ -148,16 +154,16 @@ fn largest_picture_goes_through_a_process_and_one_loop() {
         "--out",
         text(&path("within")),
     ]));
-    done(orchestrate(&[
+    assert_success(run_orchestrator(&[
         "compare",
         text(&path("processes")),
         text(&path("within")),
     ]));
-    assert_eq!(seen(&path("processes")), expected(8191, 8192, 2));
+    assert_eq!(viewer_results(&path("processes")), expected(8191, 8192, 2));
 }
 
 #[test]
-fn what_goes_through_elements_of_pictures_is_refused_with_a_way_out() {
+fn element_wise_use_of_pictures_is_refused_with_the_remedy() {
     let folder = Folder::new("elements");
     let refusals = [
         (
@@ -176,29 +182,30 @@ fn what_goes_through_elements_of_pictures_is_refused_with_a_way_out() {
     ];
     for (more, reason) in refusals {
         let file = scenario(&folder, "libcamera.so", "100 ms", "1 s", more);
-        let said = orchestrate(&["check", text(&file)]);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(said.err.contains(reason), "{more}: {}", said.err);
+        let output = run_orchestrator(&["check", text(&file)]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(reason), "{more}: {}", output.err);
     }
     let file = scenario(&folder, "libcamera.so", "100 ms", "1 s", "map = \"by-name\"\n");
-    let said = orchestrate(&["check", text(&file)]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&["check", text(&file)]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     let reason = "connections.pictures.map: an input of 4194312 bytes (`Picture`) is not put together from fields, only one of at most \
                   1048576: connect it with an output of the same description";
-    assert!(said.err.contains(reason), "{}", said.err);
+    assert!(output.err.contains(reason), "{}", output.err);
     // Single elements are checked, without iterating over the others.
     let more = "[guards.last]\noutput = \"camera.picture\"\nfield = \"pixels[2047][2047]\"\nrange = [0, 200]\n\
                 [measures.last]\nof = \"camera.picture.pixels[2047][2047]\"\ncompute = \"max\"\n";
     let file = scenario(&folder, "libcamera.so", "100 ms", "1 s", more);
     let out = folder.path().join("run");
-    let said = orchestrate(&["run", text(&file), "--json", "--in-process", "--out", text(&out)]);
-    assert_eq!(said.json()["measures"]["last"]["value"], 10.0, "{said:?}");
+    let output = run_orchestrator(&["run", text(&file), "--json", "--in-process", "--out", text(&out)]);
+    assert_eq!(output.json()["measures"]["last"]["value"], 10.0, "{output:?}");
 
     let file = scenario(&folder, "libbeyond.so", "1 s", "1 s", "");
-    let said = orchestrate(&["check", text(&file)]);
+    let output = run_orchestrator(&["check", text(&file)]);
     assert!(
-        said.err
+        output
+            .err
             .contains("a payload of 67108872 bytes; between 1 and 67108864 are allowed"),
-        "{said:?}"
+        "{output:?}"
     );
 }

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use std::process::Command;
 
 use escapement_tests::program::root;
-use escapement_tests::sources::{files, lines, none, says, shipped, sources};
-use escapement_tests::workspace::{ARROWS, package, packages};
+use escapement_tests::sources::{assert_none, files, find_word, lines, shipped_lines, sources};
+use escapement_tests::workspace::{ALLOWED_DEPENDENCIES, package, packages};
 
 /// Packages of pure functions.
 const MODELS: [&str; 4] = ["multibody", "control-laws", "guidance-laws", "synthesis"];
 
 /// The modules of the standard library that a line of code names, also in `use std::{a, b::c}`.
-fn of_std(code: &str, modules: &[&str]) -> Option<String> {
+fn std_module_used(code: &str, modules: &[&str]) -> Option<String> {
     for (at, _) in code.match_indices("std::") {
         let rest = &code[at + 5..];
         let names: Vec<&str> = match rest.strip_prefix('{') {
@@ -30,8 +30,8 @@ fn of_std(code: &str, modules: &[&str]) -> Option<String> {
 }
 
 #[test]
-fn arrows_only_point_down() {
-    let arrows: BTreeMap<&str, &[&str]> = ARROWS.into_iter().collect();
+fn package_dependencies_point_down() {
+    let arrows: BTreeMap<&str, &[&str]> = ALLOWED_DEPENDENCIES.into_iter().collect();
     let ours: Vec<&str> = packages().iter().map(|package| package.name.as_str()).collect();
     let mut wrong = Vec::new();
     for package in packages() {
@@ -77,7 +77,7 @@ fn arrows_only_point_down() {
 }
 
 #[test]
-fn models_know_no_process_file_clock_or_log() {
+fn models_use_no_process_file_clock_or_log() {
     // Synthesis runs offline, before any run; code in a step has one thread.
     let modules = ["process", "fs", "time", "env", "net", "thread"];
     let crates = ["log", "tracing", "rustix", "libc", "iceoryx2", "lockstep"];
@@ -89,7 +89,7 @@ fn models_know_no_process_file_clock_or_log() {
                 "{name} links {dependency}: values in, values out"
             );
         }
-        let found = shipped(package)
+        let found = shipped_lines(package)
             .into_iter()
             .filter(|line| !line.test)
             .filter_map(|line| {
@@ -98,12 +98,12 @@ fn models_know_no_process_file_clock_or_log() {
                 } else {
                     &modules[..]
                 };
-                let what = of_std(&line.code, known);
+                let what = std_module_used(&line.code, known);
                 let logs = ["log::", "tracing::"].into_iter().find(|log| line.code.contains(log));
                 let what = what.or_else(|| logs.map(str::to_owned))?;
                 Some((line, what))
             });
-        none(
+        assert_none(
             &format!("{name} takes values and gives values, and knows nothing else:"),
             found,
         );
@@ -111,7 +111,7 @@ fn models_know_no_process_file_clock_or_log() {
 }
 
 #[test]
-fn the_framework_knows_no_space() {
+fn framework_names_nothing_specific_to_space() {
     let words = [
         "spacecraft",
         "servicer",
@@ -127,12 +127,12 @@ fn the_framework_knows_no_space() {
     let found = files(&package("lockstep").folder, ".rs")
         .into_iter()
         .flat_map(|path| lines(&path))
-        .filter_map(|line| says(&line.whole, &words).map(|word| (line, word.to_owned())));
-    none("lockstep is for any simulator:", found);
+        .filter_map(|line| find_word(&line.whole, &words).map(|word| (line, word.to_owned())));
+    assert_none("lockstep is for any simulator:", found);
 }
 
 #[test]
-fn a_report_knows_no_application() {
+fn report_names_no_application() {
     let words = [
         "capture",
         "captured",
@@ -147,15 +147,15 @@ fn a_report_knows_no_application() {
     let found = files(&package("report").folder.join("src"), ".rs")
         .into_iter()
         .flat_map(|path| lines(&path))
-        .filter_map(|line| says(&line.whole, &words).map(|word| (line, word.to_owned())));
-    none(
+        .filter_map(|line| find_word(&line.whole, &words).map(|word| (line, word.to_owned())));
+    assert_none(
         "a report draws any run; an application hands its figures and its scene in:",
         found,
     );
 }
 
 #[test]
-fn processes_and_signals_have_one_place_each() {
+fn processes_and_signals_have_one_module_each() {
     for package in packages() {
         let names: &[&str] = match package.name.as_str() {
             "orchestrator" | "escapement-tests" => continue,
@@ -164,11 +164,11 @@ fn processes_and_signals_have_one_place_each() {
         };
         let manifest = package.dependencies.iter().any(|name| name == "signal-hook");
         assert!(!manifest, "{} links signal-hook", package.name);
-        let found = shipped(package).into_iter().filter_map(|line| {
+        let found = shipped_lines(package).into_iter().filter_map(|line| {
             let name = names.iter().find(|name| line.code.contains(**name))?;
             Some((line, (*name).to_owned()))
         });
-        none(
+        assert_none(
             "a process is started outside of engine and orchestrator, or a signal handled outside of the orchestrator:",
             found,
         );
@@ -177,7 +177,7 @@ fn processes_and_signals_have_one_place_each() {
 
 /// A library of a run does not print, reads no keys and never ends the process: it reports events to an observer.
 #[test]
-fn the_engine_knows_no_terminal() {
+fn engine_uses_no_terminal() {
     let names = [
         "println!",
         "print!",
@@ -188,7 +188,7 @@ fn the_engine_knows_no_terminal() {
         "std::env::args()",
     ];
     for name in ["lockstep", "tape", "report", "engine", "capture"] {
-        let found = shipped(package(name))
+        let found = shipped_lines(package(name))
             .into_iter()
             // A participant's program reports its failure and its log lines where the orchestrator keeps them.
             .filter(|line| !line.test && !line.path.ends_with("lockstep/src/host/mod.rs"))
@@ -197,12 +197,12 @@ fn the_engine_knows_no_terminal() {
                 let name = names.into_iter().find(|name| line.code.contains(name))?;
                 Some((line, name.to_owned()))
             });
-        none(&format!("{name} is a library and knows no terminal:"), found);
+        assert_none(&format!("{name} is a library and knows no terminal:"), found);
     }
 }
 
 /// Every line of code outside of `home` that names the crate `name`, and every package that links it besides lockstep.
-fn only_at(home: &str, name: &str) {
+fn assert_named_only_in(home: &str, name: &str) {
     let (path, uses) = (format!("{name}::"), format!("use {name}"));
     let found = sources()
         .into_iter()
@@ -213,7 +213,7 @@ fn only_at(home: &str, name: &str) {
             let named = line.code.contains(&path) || line.code.trim_start().starts_with(&uses);
             named.then(|| (line, name.to_owned()))
         });
-    none(&format!("only {home} names {name}:"), found);
+    assert_none(&format!("only {home} names {name}:"), found);
     for package in packages().iter().filter(|package| package.name != "lockstep") {
         assert!(
             !package.dependencies.iter().any(|one| one == name),
@@ -225,12 +225,12 @@ fn only_at(home: &str, name: &str) {
 
 #[test]
 fn one_module_names_iceoryx2() {
-    only_at("crates/lockstep/src/transport/iceoryx", "iceoryx2");
+    assert_named_only_in("crates/lockstep/src/transport/iceoryx", "iceoryx2");
 }
 
 #[test]
 fn one_file_names_bincode() {
-    only_at("crates/lockstep/src/wire.rs", "bincode");
+    assert_named_only_in("crates/lockstep/src/wire.rs", "bincode");
 }
 
 #[test]
@@ -238,16 +238,16 @@ fn matrices_have_static_sizes() {
     // A dynamic product in nalgebra selects its kernel by CPU feature, which changes bits. Synthesis runs before any run.
     let names = ["DMatrix", "DVector", "OMatrix<f64, Dyn", "nalgebra::Dyn"];
     for name in MODELS.into_iter().filter(|name| *name != "synthesis") {
-        let found = shipped(package(name)).into_iter().filter_map(|line| {
+        let found = shipped_lines(package(name)).into_iter().filter_map(|line| {
             let name = names.into_iter().find(|name| line.code.contains(name))?;
             Some((line, name.to_owned()))
         });
-        none("matrices of models have static sizes:", found);
+        assert_none("matrices of models have static sizes:", found);
     }
 }
 
 #[test]
-fn nothing_is_left_for_later() {
+fn sources_contain_no_unfinished_work() {
     // Assembled here, so that this file does not match itself.
     let words = [
         ["to", "do!("],
@@ -261,7 +261,7 @@ fn nothing_is_left_for_later() {
         let word = words.iter().find(|word| line.whole.contains(word.as_str()))?.clone();
         Some((line, word))
     });
-    none("finish it or leave it out:", found);
+    assert_none("finish it or leave it out:", found);
 }
 
 fn read(name: &str) -> String {
@@ -292,7 +292,7 @@ fn bincode_stays_at_the_version_that_compiles() {
 }
 
 #[test]
-fn one_package_says_what_cargo_run_runs() {
+fn one_package_defines_what_cargo_run_runs() {
     let saying: Vec<&str> = packages()
         .iter()
         .filter(|package| {
@@ -309,7 +309,7 @@ fn one_package_says_what_cargo_run_runs() {
 }
 
 #[test]
-fn the_continuous_integration_runs_what_the_readme_says() {
+fn continuous_integration_runs_the_documented_commands() {
     let (readme, script) = (read("README.md"), read(".ci/run"));
     let command = "cargo test --release --no-fail-fast";
     assert!(
@@ -326,7 +326,7 @@ fn the_continuous_integration_runs_what_the_readme_says() {
 }
 
 #[test]
-fn failed_step_lets_the_others_run_and_is_listed() {
+fn failed_ci_step_is_listed_and_the_others_run() {
     let script = r#"
         set -euo pipefail
         . tests/steps.sh
@@ -337,10 +337,10 @@ fn failed_step_lets_the_others_run_and_is_listed() {
         step last echo "last runs"
         failed_steps
     "#;
-    let said = Command::new("bash").current_dir(root()).args(["-c", script]).output();
-    let said = said.expect("bash can be started");
-    let text = String::from_utf8_lossy(&said.stdout);
-    assert_eq!(said.status.code(), Some(1), "{text}");
+    let output = Command::new("bash").current_dir(root()).args(["-c", script]).output();
+    let output = output.expect("bash can be started");
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(text.contains("first runs") && text.contains("last runs"), "{text}");
     assert!(text.contains("third: FAILED (exit code 7)"), "{text}");
     assert!(text.ends_with("failed: second\nfailed: third\n"), "{text}");

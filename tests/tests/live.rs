@@ -1,4 +1,4 @@
-//! A run that is watched and steered from a page: the effect of steering, and the rejection of every other access.
+//! A run that is followed and controlled from a page: the effect of its commands, and the rejection of every other access.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -6,30 +6,30 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use escapement_tests::fixture::write_oscillator;
 use escapement_tests::machine::processes_of;
-use escapement_tests::page::Page;
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, text};
-use escapement_tests::world::oscillator;
+use escapement_tests::page::LivePage;
+use escapement_tests::program::{Folder, ProgramOutput, orchestrator, root, run_orchestrator, text, wait_for_output};
 use serde_json::Value;
 
 /// A run under way with the address of its page.
-struct Watched {
+struct LiveRun {
     child: Option<Child>,
-    said: BufReader<std::process::ChildStderr>,
-    page: Page,
+    stderr: BufReader<std::process::ChildStderr>,
+    page: LivePage,
 }
 
-impl Watched {
+impl LiveRun {
     /// A run of `scenario` into `out` that is paused at 1 s.
-    fn at_one_second(scenario: &Path, out: &Path) -> Watched {
+    fn at_one_second(scenario: &Path, out: &Path) -> LiveRun {
         let (scenario, out) = (text(scenario), text(out));
         let pause = ["--quiet", "--live", "--pause-at", "1 s"];
-        let run = Watched::start(&[&["run", scenario, "--out", out][..], &pause].concat());
-        run.rests_at(1.0);
+        let run = LiveRun::start(&[&["run", scenario, "--out", out][..], &pause].concat());
+        run.wait_for_pause_at(1.0);
         run
     }
 
-    fn start(arguments: &[&str]) -> Watched {
+    fn start(arguments: &[&str]) -> LiveRun {
         let mut child = Command::new(orchestrator())
             .args(arguments)
             .current_dir(root())
@@ -38,20 +38,20 @@ impl Watched {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let mut said = BufReader::new(child.stderr.take().unwrap());
+        let mut stderr = BufReader::new(child.stderr.take().unwrap());
         let mut line = String::new();
-        said.read_line(&mut line).unwrap();
-        let page = Page::of(&line).unwrap_or_else(|| panic!("{line}"));
-        Watched {
+        stderr.read_line(&mut line).unwrap();
+        let page = LivePage::announced_in(&line).unwrap_or_else(|| panic!("{line}"));
+        LiveRun {
             child: Some(child),
-            said,
+            stderr,
             page,
         }
     }
 
     /// Status and body of the answer to a request; `{host}`, `{path}` and `{origin}` stand for those of the page.
     fn ask(&self, request: &str) -> (u16, String) {
-        self.page.try_ask(request).unwrap()
+        self.page.try_request(request).unwrap()
     }
 
     fn get(&self, below: &str) -> (u16, String) {
@@ -69,7 +69,7 @@ impl Watched {
     }
 
     /// Waits until all participants are paused at this horizon.
-    fn rests_at(&self, seconds: f64) {
+    fn wait_for_pause_at(&self, seconds: f64) {
         let started = Instant::now();
         loop {
             let state = self.state();
@@ -82,14 +82,14 @@ impl Watched {
     }
 
     /// An open page fetches the result; there is none here, so the program ends at once.
-    fn end(mut self) -> Said {
-        let mut said = finish(self.child.take().unwrap());
-        self.said.read_to_string(&mut said.err).unwrap();
-        said
+    fn end(mut self) -> ProgramOutput {
+        let mut output = wait_for_output(self.child.take().unwrap());
+        self.stderr.read_to_string(&mut output.err).unwrap();
+        output
     }
 }
 
-impl Drop for Watched {
+impl Drop for LiveRun {
     fn drop(&mut self) {
         if let Some(child) = &mut self.child {
             let _ = child.kill();
@@ -99,7 +99,7 @@ impl Drop for Watched {
 }
 
 /// Waits until a stream has this many records on the disk.
-fn has(folder: &Path, stream: &str, records: u64, size: u64) {
+fn wait_for_records(folder: &Path, stream: &str, records: u64, size: u64) {
     let started = Instant::now();
     loop {
         let length = std::fs::metadata(folder.join("tape").join(stream)).unwrap().len();
@@ -117,27 +117,27 @@ fn has(folder: &Path, stream: &str, records: u64, size: u64) {
 }
 
 #[test]
-fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
+fn page_pauses_steps_and_resumes_without_changing_the_tape() {
     let folder = Folder::new("live");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let quiet = folder.path().join("quiet");
     assert_eq!(
-        orchestrate(&["run", text(&scenario), "--out", text(&quiet), "--quiet"]).code,
+        run_orchestrator(&["run", text(&scenario), "--out", text(&quiet), "--quiet"]).code,
         Some(0)
     );
     let out = folder.path().join("run");
-    let run = Watched::at_one_second(&scenario, &out);
-    has(&out, "damper.push.bin", 100, 24);
+    let run = LiveRun::at_one_second(&scenario, &out);
+    wait_for_records(&out, "damper.push.bin", 100, 24);
     // The next activation of the damper is at 1 s, the following one at 1.01 s; the plant executes everything before it.
     assert_eq!(run.command(r#"{"do": "step", "participant": "damper"}"#).0, 200);
-    run.rests_at(1.001);
-    has(&out, "damper.push.bin", 101, 24);
-    has(&out, "plant.motion.bin", 1002, 24);
+    run.wait_for_pause_at(1.001);
+    wait_for_records(&out, "damper.push.bin", 101, 24);
+    wait_for_records(&out, "plant.motion.bin", 1002, 24);
     assert_eq!(run.command(r#"{"do": "step", "participant": "damper"}"#).0, 200);
-    run.rests_at(1.011);
-    has(&out, "damper.push.bin", 102, 24);
+    run.wait_for_pause_at(1.011);
+    wait_for_records(&out, "damper.push.bin", 102, 24);
     assert_eq!(run.command(r#"{"do": "step", "time": "1/300 s"}"#).0, 200);
-    run.rests_at(1.015);
+    run.wait_for_pause_at(1.015);
     assert_eq!(run.command(r#"{"do": "step", "participant": "nobody"}"#).0, 409);
     assert_eq!(run.command(r#"{"do": "dance"}"#).0, 400);
     let (status, page) = run.get("");
@@ -148,8 +148,8 @@ fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
     );
     assert_eq!(run.get("result").0, 409, "there is no result yet");
     assert_eq!(run.command(r#"{"do": "resume"}"#).0, 200);
-    let said = run.end();
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run.end();
+    assert_eq!(output.code, Some(0), "{output:?}");
     for stream in ["plant.motion.bin", "damper.push.bin"] {
         let tape = |folder: &Path| std::fs::read(folder.join("tape").join(stream)).unwrap();
         assert!(tape(&quiet) == tape(&out), "{stream} is another one");
@@ -158,7 +158,7 @@ fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
 }
 
 #[test]
-fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
+fn run_in_one_process_is_steered_and_serves_its_result() {
     let folder = Folder::new("live-in-process");
     let out = folder.path().join("run");
     let scenario = root().join("scenarios/close.toml");
@@ -172,11 +172,11 @@ fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
         text(&out),
         "--quiet",
     ];
-    let run = Watched::start(&[&arguments[..], &["--live-stay", "--pause-at", "0.5 s"]].concat());
-    run.rests_at(0.5);
+    let run = LiveRun::start(&[&arguments[..], &["--live-stay", "--pause-at", "0.5 s"]].concat());
+    run.wait_for_pause_at(0.5);
     assert_eq!(run.command(r#"{"do": "step", "time": "0.25 s"}"#).0, 200);
-    run.rests_at(0.75);
-    has(&out, "controller.command.bin", 75, 8 * 14);
+    run.wait_for_pause_at(0.75);
+    wait_for_records(&out, "controller.command.bin", 75, 8 * 14);
     // The page's data of a paused run, compared with the tape: every n-th sample and the newest.
     let (_, news) = run.get("news?have=0-0");
     let news: Value = serde_json::from_str(&news).unwrap();
@@ -205,20 +205,20 @@ fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
 }
 
 #[test]
-fn a_run_that_is_refused_has_no_address() {
+fn refused_run_has_no_address() {
     let folder = Folder::new("live-refused");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("run");
     std::fs::create_dir(&out).unwrap();
     std::fs::write(out.join("notes.txt"), "work of years").unwrap();
-    let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--force", "--live"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("is not replaced"), "{said:?}");
-    assert!(!said.err.contains("live: "), "{said:?}");
+    let output = run_orchestrator(&["run", text(&scenario), "--out", text(&out), "--force", "--live"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("is not replaced"), "{output:?}");
+    assert!(!output.err.contains("live: "), "{output:?}");
 }
 
 /// Requests that do not come from the page: their content, and the status that they receive.
-fn hostile() -> [(&'static str, String, u16); 10] {
+fn foreign_requests() -> [(&'static str, String, u16); 10] {
     let resume = "Content-Type: application/json\nContent-Length: 16\n\n{\"do\": \"resume\"}";
     [
         (
@@ -272,10 +272,10 @@ fn hostile() -> [(&'static str, String, u16); 10] {
 #[test]
 fn only_clients_with_the_address_see_or_steer_the_run() {
     let folder = Folder::new("live-hostile");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("run");
-    let run = Watched::at_one_second(&scenario, &out);
-    for (what, request, status) in hostile() {
+    let run = LiveRun::at_one_second(&scenario, &out);
+    for (what, request, status) in foreign_requests() {
         assert_eq!(run.ask(&request).0, status, "{what}");
     }
     let port: u16 = run.page.host.rsplit(':').next().unwrap().parse().unwrap();
@@ -290,21 +290,21 @@ fn only_clients_with_the_address_see_or_steer_the_run() {
         "it listens on 127.0.0.1 alone"
     );
     let taken = format!("--live={port}");
-    let other = orchestrate(&["run", text(&scenario), "--quiet", &taken]);
+    let other = run_orchestrator(&["run", text(&scenario), "--quiet", &taken]);
     assert_eq!(other.code, Some(2), "{other:?}");
     assert!(
         other.err.contains("--live") && other.err.contains("another port"),
         "{other:?}"
     );
     // None of these requests has advanced the run. The page does, while other clients hold connections and read nothing.
-    run.rests_at(1.0);
+    run.wait_for_pause_at(1.0);
     let held: Vec<TcpStream> = (0..15).map(|_| run.page.connect().unwrap()).collect();
     for mut stream in held.iter().take(8) {
         let page = format!("GET {} HTTP/1.1\r\nHost: {}\r\n\r\n", run.page.path, run.page.host);
         stream.write_all(page.as_bytes()).unwrap();
     }
     assert_eq!(run.command(r#"{"do": "resume"}"#).0, 200);
-    let said = run.end();
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run.end();
+    assert_eq!(output.code, Some(0), "{output:?}");
     drop(held);
 }

@@ -6,21 +6,21 @@ use escapement_tests::program::participant;
 
 /// Some rounds of `kind`, all of which succeed.
 fn rounds(kind: &str, count: &str, more: &[&str]) {
-    let said = Command::new(participant("long"))
+    let output = Command::new(participant("long"))
         .args([kind, "--rounds", count, "--jobs", "4"])
         .args(more)
         .stdin(Stdio::null())
         .output()
         .expect("the program can be started");
     let (out, err) = (
-        String::from_utf8_lossy(&said.stdout),
-        String::from_utf8_lossy(&said.stderr),
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
     );
-    assert!(said.status.success(), "{out}{err}");
+    assert!(output.status.success(), "{out}{err}");
 }
 
 #[test]
-fn random_signals_lose_nothing_and_leave_nothing() {
+fn random_signals_lose_no_data_and_leave_nothing() {
     rounds("killer", "48", &[]);
 }
 

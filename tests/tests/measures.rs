@@ -4,11 +4,11 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use escapement_tests::program::{Folder, Said, built, orchestrate, participant, root, spring, text};
+use escapement_tests::program::{Folder, ProgramOutput, built, participant, root, run_orchestrator, spring, text};
 use serde_json::Value;
 use tape::{Reader, Records, Source};
 
-/// Two springs under names of their own, at periods that do not meet often, and everything that can be measured of them.
+/// Two springs with periods that rarely coincide, and all kinds of measures of them.
 fn springs(folder: &Folder) -> PathBuf {
     let scenario = format!(
         r#"title = "Two bobs"
@@ -74,7 +74,7 @@ band = "[-1, 1] mm"
 }
 
 /// The results that do not depend on the machine: figures, criteria, verdict and the tape.
-fn judged(summary: &Value) -> [Value; 4] {
+fn results_of(summary: &Value) -> [Value; 4] {
     ["measures", "criteria", "verdict", "tape_digest"].map(|key| summary[key].clone())
 }
 
@@ -90,18 +90,18 @@ fn column(run: &Path, path: &str) -> Vec<(f64, f64)> {
     column
 }
 
-fn near(value: &Value, expected: f64) {
+fn assert_near(value: &Value, expected: f64) {
     let value = value.as_f64().unwrap_or_else(|| panic!("{value} is no number"));
     assert!((value - expected).abs() <= 1e-12 * expected.abs(), "{value} {expected}");
 }
 
 #[test]
-fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_tape() {
+fn figures_of_every_way_of_running_equal_those_of_the_tape() {
     let folder = Folder::new("measures");
     let scenario = springs(&folder);
     let out = |name: &str| folder.path().join(name);
     let whole = out("whole");
-    let run = orchestrate(&["run", text(&scenario), "--json", "--out", text(&whole)]);
+    let run = run_orchestrator(&["run", text(&scenario), "--json", "--out", text(&whole)]);
     assert_eq!(run.code, Some(0), "{run:?}");
     let summary = run.json();
     assert_eq!(summary["verdict"], "met");
@@ -111,7 +111,7 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
         "--json",
         "--digest",
     ];
-    let swept = orchestrate(&[&["sweep", text(&scenario), "--out", text(&out("sweep"))], &vary[..]].concat());
+    let swept = run_orchestrator(&[&["sweep", text(&scenario), "--out", text(&out("sweep"))], &vary[..]].concat());
     assert_eq!(swept.code, Some(0), "{swept:?}");
     let rows = swept.json()["rows"].clone();
     assert_eq!(rows[0]["tape_digest"], summary["tape_digest"]);
@@ -125,9 +125,9 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
     assert_eq!(rows[1]["reason"], "peak");
     // the tape, evaluated with the measures of its own scenario and with those of the file
     for more in [&[][..], &["--measures", text(&scenario)]] {
-        let asked = orchestrate(&[&["measure", text(&whole), "--json"], more].concat());
+        let asked = run_orchestrator(&[&["measure", text(&whole), "--json"], more].concat());
         assert_eq!(asked.code, Some(0), "{asked:?}");
-        assert_eq!(judged(&asked.json())[..3], judged(&summary)[..3]);
+        assert_eq!(results_of(&asked.json())[..3], results_of(&summary)[..3]);
     }
 
     // a plain computation over the whole tape
@@ -135,7 +135,7 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
     let position = column(&whole, "heavy.motion.position");
     let other = column(&whole, "light.motion.position");
     let speed = column(&whole, "light.motion.velocity");
-    near(
+    assert_near(
         &figure("peak"),
         position.iter().map(|(_, x)| x.abs()).fold(0.0, f64::max),
     );
@@ -151,12 +151,12 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
     let window = position.iter().filter(|(t, _)| (1.0..=2.5).contains(t));
     let squares: Vec<f64> = window.map(|(t, x)| (x - by(*t)).powi(2)).collect();
     assert_eq!(squares.len(), 500);
-    near(&figure("apart"), 1e3 * (squares.iter().sum::<f64>() / 500.0).sqrt());
+    assert_near(&figure("apart"), 1e3 * (squares.iter().sum::<f64>() / 500.0).sqrt());
     let path: f64 = speed
         .windows(2)
         .map(|two| (two[0].1.abs() + two[1].1.abs()) / 600.0)
         .sum();
-    near(&figure("path"), path);
+    assert_near(&figure("path"), path);
     let crossing = other.iter().find(|(_, x)| *x >= 0.0).expect("it swings").0;
     assert_eq!(figure("swings"), Value::from(crossing));
     assert_eq!(figure("settled"), Value::Null);
@@ -168,13 +168,13 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
 fn one_program_gives_the_same_figures_in_one_loop_and_resumed() {
     let folder = Folder::new("measures-lander");
     let lander = |arguments: &[&str]| {
-        let said = Command::new(built().join("lander"))
+        let output = Command::new(built().join("lander"))
             .current_dir(root())
             .args(arguments)
             .output();
-        let said = said.expect("it can be started");
-        let json: Value = serde_json::from_slice(&said.stdout).unwrap_or_default();
-        (said.status.code(), json)
+        let output = output.expect("it can be started");
+        let json: Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+        (output.status.code(), json)
     };
     let out = |name: &str| folder.path().join(name);
     let scenario = "examples/lander/lander.toml";
@@ -189,9 +189,9 @@ fn one_program_gives_the_same_figures_in_one_loop_and_resumed() {
     ]);
     assert_eq!(apart.0, Some(0), "{:?}", apart.1);
     let one = lander(&["run", scenario, "--json", "--in-process", "--out", text(&out("one"))]);
-    assert_eq!(judged(&one.1), judged(&apart.1));
+    assert_eq!(results_of(&one.1), results_of(&apart.1));
     let resumed = lander(&["resume", text(&out("apart")), "--json", "--out", text(&out("resumed"))]);
-    assert_eq!(judged(&resumed.1), judged(&apart.1));
+    assert_eq!(results_of(&resumed.1), results_of(&apart.1));
     let vary = ["--vary", "participants.autopilot.parameters.touchdown=0.5m/s", "--json"];
     let swept = lander(&[&["sweep", scenario, "--out", text(&out("sweep"))], &vary[..]].concat());
     for (name, measure) in one.1["measures"].as_object().expect("it has measures") {
@@ -200,11 +200,11 @@ fn one_program_gives_the_same_figures_in_one_loop_and_resumed() {
 }
 
 #[test]
-fn a_criterion_that_is_not_met_says_by_how_much_and_when() {
+fn missed_criterion_reports_its_margin_and_time() {
     let folder = Folder::new("measures-missed");
     let scenario = springs(&folder);
     let out = folder.path().join("run");
-    let run = orchestrate(&[
+    let run = run_orchestrator(&[
         "run",
         text(&scenario),
         "--set",
@@ -232,12 +232,12 @@ fn a_criterion_that_is_not_met_says_by_how_much_and_when() {
     let summary: Value = serde_json::from_str(&summary).expect("it is JSON");
     assert_eq!(summary["verdict"], "not-met");
     let page = folder.path().join("page.html");
-    let report = orchestrate(&["report", text(&out), "--out", text(&page)]);
+    let report = run_orchestrator(&["report", text(&out), "--out", text(&page)]);
     assert_eq!(report.code, Some(0), "{report:?}");
 }
 
 #[test]
-fn a_measure_that_does_not_fit_is_refused_with_file_line_and_key() {
+fn invalid_measure_is_refused_with_file_line_and_key() {
     let folder = Folder::new("measures-refused");
     let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
     for (from, to, part) in [
@@ -264,39 +264,39 @@ fn a_measure_that_does_not_fit_is_refused_with_file_line_and_key() {
         let before = &wrong[..wrong.find(to).expect("it is there now")];
         let line = before.matches('\n').count() + 1;
         let scenario = folder.write("wrong.toml", &wrong);
-        let said = orchestrate(&["run", text(&scenario), "--out", text(&folder.path().join("no"))]);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(said.err.contains(part), "`{part}` is not in {}", said.err);
+        let output = run_orchestrator(&["run", text(&scenario), "--out", text(&folder.path().join("no"))]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(part), "`{part}` is not in {}", output.err);
         assert!(
-            said.err.contains(&format!("wrong.toml:{line}:")),
+            output.err.contains(&format!("wrong.toml:{line}:")),
             "line {line}: {}",
-            said.err
+            output.err
         );
         assert!(!folder.path().join("no").exists(), "nothing is left");
     }
 }
 
 /// `measure` of the tape in `run`.
-fn ask(run: &Path, more: &[&str]) -> Said {
-    orchestrate(&[&["measure", text(run)], more].concat())
+fn measure(run: &Path, more: &[&str]) -> ProgramOutput {
+    run_orchestrator(&[&["measure", text(run)], more].concat())
 }
 
 #[test]
-fn a_finished_tape_is_asked() {
+fn measure_command_reads_a_finished_tape() {
     let folder = Folder::new("measures-asked");
     let scenario = springs(&folder);
     let run = folder.path().join("run");
-    let said = orchestrate(&["run", text(&scenario), "--quiet", "--out", text(&run)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", text(&scenario), "--quiet", "--out", text(&run)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let of = ["--of", "light.motion.velocity", "--compute"];
-    let asked = ask(&run, &[&of[..], &["min", "--at-least", "-1 m/s", "--json"]].concat());
+    let asked = measure(&run, &[&of[..], &["min", "--at-least", "-1 m/s", "--json"]].concat());
     assert_eq!(asked.code, Some(0), "{asked:?}");
     let least = column(&run, "light.motion.velocity")
         .iter()
         .map(|(_, v)| *v)
         .fold(0.0, f64::min);
     assert_eq!(asked.json()["measures"]["min"]["value"], Value::from(least));
-    let asked = ask(&run, &[&of[..], &["changes", "--at-most", "3"]].concat());
+    let asked = measure(&run, &[&of[..], &["changes", "--at-most", "3"]].concat());
     assert_eq!(asked.code, Some(3), "{asked:?}");
     assert!(asked.out.contains("too much"), "{asked:?}");
     for (more, part) in [
@@ -312,14 +312,14 @@ fn a_finished_tape_is_asked() {
             "--minus: `light` is not a field of a stream",
         ),
     ] {
-        let asked = ask(&run, &[&of[..], more].concat());
+        let asked = measure(&run, &[&of[..], more].concat());
         assert_eq!(asked.code, Some(2), "{asked:?}");
         assert!(asked.err.contains(part), "`{part}` is not in {}", asked.err);
     }
     // a tape alone, and one of another scenario
-    let asked = ask(&run.join("tape"), &[&of[..], &["max"]].concat());
+    let asked = measure(&run.join("tape"), &[&of[..], &["max"]].concat());
     assert_eq!(asked.code, Some(0), "{asked:?}");
-    let asked = ask(&run, &["--measures", text(&root().join("examples/lander/lander.toml"))]);
+    let asked = measure(&run, &["--measures", text(&root().join("examples/lander/lander.toml"))]);
     assert_eq!(asked.code, Some(2), "{asked:?}");
     assert!(
         asked.err.contains("lander.toml:") && asked.err.contains("there is no stream `lander."),
@@ -331,15 +331,15 @@ fn a_finished_tape_is_asked() {
 fn incomplete_record_is_named() {
     let folder = Folder::new("measures-torn");
     let run = folder.path().join("run");
-    let said = orchestrate(&["run", text(&springs(&folder)), "--quiet", "--out", text(&run)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", text(&springs(&folder)), "--quiet", "--out", text(&run)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     std::fs::remove_file(run.join("tape/seal.json")).unwrap();
     let file = std::fs::OpenOptions::new()
         .write(true)
         .open(run.join("tape/light.motion.bin"))
         .unwrap();
     file.set_len(file.metadata().unwrap().len() - 3).unwrap();
-    let asked = ask(&run, &["--of", "light.motion.velocity", "--compute", "min"]);
+    let asked = measure(&run, &["--of", "light.motion.velocity", "--compute", "min"]);
     assert_eq!(asked.code, Some(0), "{asked:?}");
     let note = "note: stream `light.motion` ends in an incomplete record";
     assert!(asked.err.contains(note), "{asked:?}");
@@ -355,8 +355,8 @@ fn measures_stand_beside_the_assessment() {
         )
     };
     let stock = ["run", "scenarios/close.toml", "--in-process", "--json", "--out"];
-    let plain = orchestrate(&[&stock[..], &[text(&folder.path().join("plain"))]].concat());
-    let both = orchestrate(&[&stock[..], &[text(&out), "--set", &measure("base-speed")]].concat());
+    let plain = run_orchestrator(&[&stock[..], &[text(&folder.path().join("plain"))]].concat());
+    let both = run_orchestrator(&[&stock[..], &[text(&out), "--set", &measure("base-speed")]].concat());
     assert_eq!(both.code, Some(0), "{both:?}");
     let (plain, both) = (plain.json(), both.json());
     assert_eq!(plain["tape_digest"], both["tape_digest"]);
@@ -378,13 +378,13 @@ fn measures_stand_beside_the_assessment() {
     assert!(all.iter().any(of_base) && !own.iter().any(of_base));
     all.retain(|criterion| !of_base(criterion));
     assert_eq!(all, own);
-    let double = orchestrate(&["check", "scenarios/close.toml", "--set", &measure("peak_base_force")]);
+    let double = run_orchestrator(&["check", "scenarios/close.toml", "--set", &measure("peak_base_force")]);
     assert_eq!(double.code, Some(2), "{double:?}");
     assert!(double.err.contains("has a figure of that name"), "{double:?}");
 }
 
 #[test]
-fn what_a_fault_makes_of_an_input_can_be_measured() {
+fn faulted_input_can_be_measured() {
     let folder = Folder::new("measures-fault");
     let scenario = folder.write(
         "seen.toml",
@@ -406,7 +406,7 @@ at-most = "1 m"
         ),
     );
     let run = |fault: &str, name: &str| {
-        orchestrate(&[
+        run_orchestrator(&[
             "run",
             text(&scenario),
             "--fault",
@@ -422,9 +422,9 @@ at-most = "1 m"
         "{bias:?}"
     );
     // without the fault, the samples seen are not recorded
-    let refused = orchestrate(&["check", text(&scenario)]);
+    let refused = run_orchestrator(&["check", text(&scenario)]);
     let refused = if refused.code == Some(0) {
-        orchestrate(&["run", text(&scenario), "--out", text(&folder.path().join("no"))])
+        run_orchestrator(&["run", text(&scenario), "--out", text(&folder.path().join("no"))])
     } else {
         refused
     };
@@ -433,7 +433,7 @@ at-most = "1 m"
 }
 
 #[test]
-fn what_cannot_be_measured_has_a_reason_and_misses_its_criterion() {
+fn unmeasurable_figure_has_a_reason_and_misses_its_criterion() {
     let folder = Folder::new("measures-none");
     let exe = |name: &str| participant(name).display().to_string();
     let scenario = folder.write(
@@ -463,12 +463,12 @@ before = {{ of = "brake.seen.motion.position", compute = "max-abs", to = "0.49 s
     let fault = "at=0.5s,input=brake.motion,field=position,kind=scale,value=1e200";
     let out = folder.path().join("run");
     let faults = ["--fault", fault, "--fault", fault];
-    let said = orchestrate(&[&["run", text(&scenario), "--json", "--out", text(&out)], &faults[..]].concat());
-    assert_eq!(said.code, Some(3), "{said:?}");
-    let summary = said.json();
-    let asked = ask(&out, &["--json"]);
+    let output = run_orchestrator(&[&["run", text(&scenario), "--json", "--out", text(&out)], &faults[..]].concat());
+    assert_eq!(output.code, Some(3), "{output:?}");
+    let summary = output.json();
+    let asked = measure(&out, &["--json"]);
     assert_eq!(asked.code, Some(3), "{asked:?}");
-    assert_eq!(judged(&asked.json())[..3], judged(&summary)[..3]);
+    assert_eq!(results_of(&asked.json())[..3], results_of(&summary)[..3]);
     for (name, reason) in [
         ("never", "there is no sample in the window"),
         ("nothing", "there is no sample in the window"),

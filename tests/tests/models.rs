@@ -1,6 +1,6 @@
 //! Third-party robot descriptions, through the program: warnings and mistakes have file and line.
 
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 
 const HULL: &str = r#"<link name="hull"><inertial><mass value="10"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>"#;
 
@@ -23,19 +23,20 @@ fn model_warns_of_friction_with_file_and_line() {
         "<dynamics damping=\"1\" friction=\"0.5\"/>",
     );
     let file = folder.write("bench.urdf", &robot(&body));
-    let said = orchestrate(&["model", text(&file)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["model", text(&file)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert!(
-        said.err
+        output
+            .err
             .contains("bench.urdf:4: joint `hinge`: friction=\"0.5\" is not modelled"),
         "{}",
-        said.err
+        output.err
     );
-    assert!(said.out.contains("1 moving joints"), "{}", said.out);
+    assert!(output.out.contains("1 moving joints"), "{}", output.out);
 }
 
 #[test]
-fn model_tells_all_mistakes_and_takes_them_when_told_to() {
+fn model_command_reports_all_errors_or_accepts_them() {
     let folder = Folder::new("models");
     let body = arm("ixx=\"1\" iyy=\"1\" izz=\"3\"", "")
         + "\n"
@@ -43,21 +44,21 @@ fn model_tells_all_mistakes_and_takes_them_when_told_to() {
             .replace("arm", "leg")
             .replace("hinge", "hip");
     let file = folder.write("bench.urdf", &robot(&body));
-    let said = orchestrate(&["model", text(&file)]);
-    assert_ne!(said.code, Some(0));
+    let output = run_orchestrator(&["model", text(&file)]);
+    assert_ne!(output.code, Some(0));
     assert!(
-        said.err.contains("bench.urdf:3: link `arm`") && said.err.contains("bench.urdf:5: link `leg`"),
+        output.err.contains("bench.urdf:3: link `arm`") && output.err.contains("bench.urdf:5: link `leg`"),
         "{}",
-        said.err
+        output.err
     );
-    assert!(said.err.contains("--allow-unphysical"), "{}", said.err);
+    assert!(output.err.contains("--allow-unphysical"), "{}", output.err);
     let only = folder.write("flat.urdf", &robot(&arm("ixx=\"1\" iyy=\"1\" izz=\"3\"", "")));
-    let said = orchestrate(&["model", text(&only), "--allow-unphysical"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["model", text(&only), "--allow-unphysical"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert!(
-        said.err.contains("warning: ") && said.err.contains("flat.urdf:3: link `arm`"),
+        output.err.contains("warning: ") && output.err.contains("flat.urdf:3: link `arm`"),
         "{}",
-        said.err
+        output.err
     );
 }
 
@@ -65,17 +66,17 @@ fn model_tells_all_mistakes_and_takes_them_when_told_to() {
 fn unexpanded_macro_is_refused_and_not_a_robot_without_arm() {
     let folder = Folder::new("models");
     let file = folder.write("bench.urdf", &robot("<xacro:arm prefix=\"left\"/>"));
-    let said = orchestrate(&["model", text(&file)]);
-    assert_ne!(said.code, Some(0));
+    let output = run_orchestrator(&["model", text(&file)]);
+    assert_ne!(output.code, Some(0));
     assert!(
-        said.err.contains("bench.urdf:3: <xacro:arm> is not expanded"),
+        output.err.contains("bench.urdf:3: <xacro:arm> is not expanded"),
         "{}",
-        said.err
+        output.err
     );
 }
 
 #[test]
-fn scenario_check_warns_of_what_its_robot_leaves_out() {
+fn scenario_check_warns_of_unmodelled_parts_of_its_robot() {
     let folder = Folder::new("models");
     let stock = std::fs::read_to_string(root().join("models/servicer.urdf")).unwrap();
     let rough = stock.replacen("friction=\"0\"", "friction=\"0.5\"", 1);
@@ -86,12 +87,12 @@ fn scenario_check_warns_of_what_its_robot_leaves_out() {
         .replace("../models/servicer.urdf", text(&file))
         .replace("\"../", &format!("\"{}/", root().display()));
     let scenario = folder.write("rough.toml", &scenario);
-    let said = orchestrate(&["check", text(&scenario)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let warned = said.err.matches("friction=\"0.5\" is not modelled").count();
+    let output = run_orchestrator(&["check", text(&scenario)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let warned = output.err.matches("friction=\"0.5\" is not modelled").count();
     assert_eq!(
         warned, 1,
         "once for the file, not for each participant that reads it: {}",
-        said.err
+        output.err
     );
 }

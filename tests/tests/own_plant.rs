@@ -18,7 +18,7 @@ fn blocks<'a>(page: &'a str, language: &str) -> Vec<&'a str> {
 }
 
 /// The words of a command line, quoted ones as one.
-fn words(line: &str) -> Vec<String> {
+fn split_words(line: &str) -> Vec<String> {
     let parts = line.split('"').enumerate();
     let mut words = vec![String::new()];
     for (number, part) in parts {
@@ -38,7 +38,7 @@ fn words(line: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_files_of_the_page_are_those_of_the_example() {
+fn files_on_the_page_equal_those_of_the_example() {
     let (page, example) = (page(), root().join("examples/servo"));
     let file = |name: &str| std::fs::read_to_string(example.join(name)).expect("the example is there");
     assert_eq!(blocks(&page, "rust"), [file("src/main.rs")]);
@@ -53,32 +53,32 @@ fn the_files_of_the_page_are_those_of_the_example() {
 }
 
 #[test]
-fn the_commands_of_the_page_do_what_it_says() {
+fn commands_on_the_page_have_the_documented_result() {
     let (page, folder) = (page(), Folder::new("own-plant"));
     folder.write("servo.toml", blocks(&page, "toml")[1]);
     let commands = page
         .lines()
         .filter_map(|line| line.strip_prefix("    cargo run --release -- "));
-    let mut said = Vec::new();
+    let mut outputs = Vec::new();
     for line in commands {
         let output = Command::new(built().join("servo"))
             .current_dir(folder.path())
-            .args(words(line))
+            .args(split_words(line))
             .output()
             .expect("it can be started");
         let code = if line.contains("--set") { 3 } else { 0 };
         assert_eq!(output.status.code(), Some(code), "{line}: {output:?}");
-        said.push(String::from_utf8_lossy(&output.stdout).into_owned());
+        outputs.push(String::from_utf8_lossy(&output.stdout).into_owned());
     }
-    assert_eq!(said.len(), 8, "one of the commands is not found");
+    assert_eq!(outputs.len(), 8, "one of the commands is not found");
     let printed = blocks(&page, "text")[0];
     assert!(
-        said[1].starts_with(printed),
+        outputs[1].starts_with(printed),
         "the page shows what is printed:\n{}",
-        said[1]
+        outputs[1]
     );
-    assert!(said[2].contains("too much at t = "), "{}", said[2]);
-    assert!(said[5].contains("deg/s"), "{}", said[5]);
+    assert!(outputs[2].contains("too much at t = "), "{}", outputs[2]);
+    assert!(outputs[5].contains("deg/s"), "{}", outputs[5]);
     let figure = |path: std::path::PathBuf| std::fs::read_to_string(path).expect("there is a picture");
     assert_eq!(
         figure(folder.path().join("sweep/figure.svg")),

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 use escapement_tests::sources::files;
 
 fn read(name: &str) -> String {
@@ -10,7 +10,7 @@ fn read(name: &str) -> String {
 }
 
 #[test]
-fn the_readme_quotes_the_example_that_compiles() {
+fn readme_quotes_the_example_that_compiles() {
     let readme = read("README.md");
     for file in ["examples/spring/src/main.rs", "examples/spring/spring.toml"] {
         assert!(
@@ -42,7 +42,7 @@ fn example(page: &str, above: &str) -> String {
 }
 
 #[test]
-fn the_page_on_scenarios_begins_with_the_example_that_runs() {
+fn scenario_page_begins_with_the_example_that_runs() {
     // With `tests/examples.rs`, which runs the file.
     let scenario = example(&read("docs/scenarios.md"), "# The scenario file");
     let whole = read("examples/spring/spring.toml");
@@ -58,18 +58,18 @@ fn the_page_on_scenarios_begins_with_the_example_that_runs() {
 }
 
 #[test]
-fn the_guards_of_the_page_let_the_close_capture_pass() {
+fn documented_guards_pass_the_close_capture() {
     let guards = example(&read("docs/scenarios.md"), "## `[guards.NAME]`");
     let folder = Folder::new("guards-of-the-page");
     let stock = read("scenarios/close.toml").replace("../", &format!("{}/", root().display()));
     let scenario = folder.write("close.toml", &format!("{stock}\n{guards}"));
     let out = folder.path().join("run");
-    let said = orchestrate(&["run", text(&scenario), "--in-process", "--quiet", "--out", text(&out)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", text(&scenario), "--in-process", "--quiet", "--out", text(&out)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 #[test]
-fn the_architecture_page_stays_short() {
+fn architecture_page_stays_short() {
     let count = read("ARCHITECTURE.md").lines().count();
     assert!(count < 400, "ARCHITECTURE.md:{count}: 400 lines are the limit");
 }
@@ -107,7 +107,7 @@ fn tests_that_pages_name_exist() {
 }
 
 #[test]
-fn links_between_pages_lead_somewhere() {
+fn links_between_pages_have_a_target() {
     let mut broken = Vec::new();
     for (page, text) in pages() {
         for (number, line) in text.lines().enumerate() {

@@ -7,34 +7,35 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use escapement_tests::machine::{signal, wait_for_bytes};
+use escapement_tests::fixture::write_oscillator;
+use escapement_tests::machine::{send_signal, wait_for_bytes};
 use escapement_tests::program::{
-    Folder, Said, built_as_shipped, copy_program, finish, orchestrate, orchestrator, participant, root, start, text,
+    Folder, ProgramOutput, built_as_shipped, copy_program, orchestrator, participant, root, run_orchestrator,
+    start_orchestrator, text, wait_for_output,
 };
-use escapement_tests::world::oscillator;
 use rustix::process::Signal;
 
 /// Runs `orchestrator` with `arguments` in the working directory `folder`.
-fn given_in(folder: &Path, arguments: &[&OsStr]) -> Said {
+fn run_in_folder(folder: &Path, arguments: &[&OsStr]) -> ProgramOutput {
     let mut command = Command::new(orchestrator());
     command.args(arguments).current_dir(folder).stdin(Stdio::null());
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
-    finish(child.expect("the orchestrator can be started"))
+    wait_for_output(child.expect("the orchestrator can be started"))
 }
 
 fn os<'a>(arguments: &[&'a str]) -> Vec<&'a OsStr> {
     arguments.iter().map(|argument| OsStr::new(*argument)).collect()
 }
 
-fn digest(said: &Said) -> String {
-    assert_eq!(said.code, Some(0), "{said:?}");
-    said.json()["tape_digest"].as_str().unwrap().to_owned()
+fn digest(output: &ProgramOutput) -> String {
+    assert_eq!(output.code, Some(0), "{output:?}");
+    output.json()["tape_digest"].as_str().unwrap().to_owned()
 }
 
 /// The oscillator with a damper started by a script in the scenario's folder: the shell gets the script's relative path.
-fn scripted(folder: &Folder) -> PathBuf {
+fn write_scripted(folder: &Folder) -> PathBuf {
     folder.write("damper.sh", &format!("exec \"{}\"\n", participant("damper").display()));
-    let scenario = oscillator(folder, "damper");
+    let scenario = write_oscillator(folder, "damper");
     let exe = format!("{{ exe = \"{}\" }}", participant("damper").display());
     let changed = std::fs::read_to_string(&scenario)
         .unwrap()
@@ -46,12 +47,12 @@ fn scripted(folder: &Folder) -> PathBuf {
 #[test]
 fn scenario_and_its_plan_run_from_everywhere() {
     let folder = Folder::new("everywhere");
-    let scenario = scripted(&folder);
+    let scenario = write_scripted(&folder);
     let elsewhere = Folder::new("elsewhere");
     let out = |name: &str| elsewhere.path().join(name);
     let run = |place: &Path, file: &Path, name: &str| {
         let out = out(name);
-        digest(&given_in(
+        digest(&run_in_folder(
             place,
             &os(&["run", text(file), "--json", "--out", text(&out)]),
         ))
@@ -73,7 +74,7 @@ fn scenario_and_its_plan_run_from_everywhere() {
         "--out",
         text(&saved),
     ];
-    assert_eq!(given_in(folder.path(), &os(&arguments)).code, Some(0));
+    assert_eq!(run_in_folder(folder.path(), &os(&arguments)).code, Some(0));
     let resumed = out("resumed");
     let set = "participants.plant.run={ exe = \"sh\", args = [\"./oscillator.sh\"] }";
     folder.write(
@@ -81,9 +82,9 @@ fn scenario_and_its_plan_run_from_everywhere() {
         &format!("exec \"{}\"\n", participant("oscillator").display()),
     );
     let arguments = ["resume", text(&saved), "--set", set, "--json", "--out", text(&resumed)];
-    assert_eq!(digest(&given_in(Path::new("/"), &os(&arguments))), tape);
+    assert_eq!(digest(&run_in_folder(Path::new("/"), &os(&arguments))), tape);
     let arguments = ["replay", text(&saved), "--participant", "damper"];
-    assert_eq!(given_in(Path::new("/"), &os(&arguments)).code, Some(0));
+    assert_eq!(run_in_folder(Path::new("/"), &os(&arguments)).code, Some(0));
     // An argument of the command itself is relative to the working directory of the command.
     std::fs::create_dir(out("bin")).unwrap();
     copy_program(&participant("damper"), &out("bin/mine"));
@@ -96,7 +97,7 @@ fn scenario_and_its_plan_run_from_everywhere() {
         "--out",
         "mine",
     ];
-    assert_eq!(digest(&given_in(elsewhere.path(), &os(&arguments))), tape);
+    assert_eq!(digest(&run_in_folder(elsewhere.path(), &os(&arguments))), tape);
     let arguments = [
         "replay",
         text(&saved),
@@ -109,8 +110,8 @@ fn scenario_and_its_plan_run_from_everywhere() {
     ];
     copy_program(&folder.path().join("damper.sh"), &out("local.sh"));
     std::os::unix::fs::symlink("/bin/sh", out("sh")).unwrap();
-    let said = given_in(elsewhere.path(), &os(&arguments));
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_in_folder(elsewhere.path(), &os(&arguments));
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 #[test]
@@ -118,11 +119,11 @@ fn path_that_is_not_utf8_works_like_any_other() {
     let folder = Folder::new("bytes");
     let odd = folder.path().join(OsStr::from_bytes(b"caf\xe9"));
     std::fs::create_dir(&odd).unwrap();
-    let plain = scripted(&folder);
+    let plain = write_scripted(&folder);
     for name in ["scripted.toml", "damper.sh"] {
         copy_program(&folder.path().join(name), &odd.join(name));
     }
-    let tape = digest(&orchestrate(&[
+    let tape = digest(&run_orchestrator(&[
         "run",
         text(&plain),
         "--json",
@@ -131,17 +132,17 @@ fn path_that_is_not_utf8_works_like_any_other() {
     ]));
     let (scenario, out) = (odd.join("scripted.toml"), odd.join(OsStr::from_bytes(b"run\xff")));
     let (scenario, out) = (scenario.as_os_str(), out.as_os_str());
-    let said = |arguments: &[&OsStr]| given_in(Path::new("/"), arguments);
+    let run_at_root = |arguments: &[&OsStr]| run_in_folder(Path::new("/"), arguments);
     let word = OsStr::new;
     let save = [word("--checkpoint-at"), word("0.5s")];
-    let ran = said(&[&[word("run"), scenario, word("--json"), word("--out"), out], &save[..]].concat());
+    let ran = run_at_root(&[&[word("run"), scenario, word("--json"), word("--out"), out], &save[..]].concat());
     assert_eq!(digest(&ran), tape);
     assert!(ran.err.contains("folder") && ran.err.contains("UTF-8"), "{ran:?}");
-    assert_eq!(said(&[word("check"), scenario]).code, Some(0));
-    let replayed = said(&[word("replay"), out, word("--participant"), word("plant")]);
+    assert_eq!(run_at_root(&[word("check"), scenario]).code, Some(0));
+    let replayed = run_at_root(&[word("replay"), out, word("--participant"), word("plant")]);
     assert_eq!(replayed.code, Some(0), "{replayed:?}");
     // A sweep passes the paths to its workers.
-    let swept = said(&[
+    let swept = run_at_root(&[
         word("sweep"),
         scenario,
         word("--vary"),
@@ -180,8 +181,8 @@ fn sweep_over_decimal_numbers_runs_all_of_its_points() {
             "--out",
             text(&out),
         ];
-        let said = orchestrate(&arguments);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_orchestrator(&arguments);
+        assert_eq!(output.code, Some(0), "{output:?}");
         std::fs::read_to_string(out.join("table.csv")).unwrap()
     };
     for vary in ["0..0.2:0.1", "0,1,2"] {
@@ -189,7 +190,7 @@ fn sweep_over_decimal_numbers_runs_all_of_its_points() {
     }
     let out = folder.path().join("set");
     let set = "participants.left.parameters.position=0";
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         text(&spring),
         "--duration",
@@ -199,7 +200,7 @@ fn sweep_over_decimal_numbers_runs_all_of_its_points() {
         "--out",
         text(&out),
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert!(
         std::fs::read_to_string(out.join("plan.toml"))
             .unwrap()
@@ -223,7 +224,7 @@ fn sweep_over_decimal_numbers_runs_all_of_its_points() {
 #[test]
 fn refused_run_leaves_nothing_and_force_replaces_a_run() {
     let folder = Folder::new("force");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("runs/one");
     let run = |set: &str, more: &[&str]| {
         let arguments = [
@@ -237,22 +238,22 @@ fn refused_run_leaves_nothing_and_force_replaces_a_run() {
             "--set",
             set,
         ];
-        orchestrate(&[&arguments, more].concat())
+        run_orchestrator(&[&arguments, more].concat())
     };
     let wrong = format!(
         "participants.damper.run={{ exe = \"{}\" }}",
         participant("wrong_descriptor").display()
     );
     // The program itself must be queried: the folder exists by then.
-    let said = run(&wrong, &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run(&wrong, &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(!folder.path().join("runs").exists());
     let first = digest(&run("seed=1", &[]));
-    let said = run("seed=2", &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run("seed=2", &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err.contains("not empty") && said.err.contains("--force"),
-        "{said:?}"
+        output.err.contains("not empty") && output.err.contains("--force"),
+        "{output:?}"
     );
     // A rejected run does not replace an existing one, and leaves no trace in its folder.
     let names = || {
@@ -264,8 +265,8 @@ fn refused_run_leaves_nothing_and_force_replaces_a_run() {
         names
     };
     let before = names();
-    let said = run(&wrong, &["--force"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run(&wrong, &["--force"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert_eq!(names(), before);
     let summary = || {
         let summary = std::fs::read(out.join("summary.json")).unwrap();
@@ -285,49 +286,49 @@ fn refused_run_leaves_nothing_and_force_replaces_a_run() {
         text(&out),
         "--force",
     ];
-    let said = orchestrate(&arguments);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&arguments);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert_eq!(summary(), delayed.as_str());
     std::fs::write(out.join("notes.txt"), "work of years").unwrap();
-    let said = run("seed=1", &["--force"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run("seed=1", &["--force"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err.contains("notes.txt") && out.join("notes.txt").exists(),
-        "{said:?}"
+        output.err.contains("notes.txt") && out.join("notes.txt").exists(),
+        "{output:?}"
     );
     assert_eq!(summary(), delayed.as_str());
-    let said = orchestrate(&["run", text(&scenario), "--out", text(folder.path()), "--force"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(scenario.exists(), "{said:?}");
+    let output = run_orchestrator(&["run", text(&scenario), "--out", text(folder.path()), "--force"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(scenario.exists(), "{output:?}");
 }
 
 #[test]
-fn failed_run_keeps_its_folder_with_what_its_programs_said() {
+fn failed_run_keeps_its_folder_with_participant_logs() {
     let folder = Folder::new("died");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let died = folder.path().join("died");
     let exe = format!(
         "participants.damper.run={{ exe = \"{}\" }}",
         participant("early_exit").display()
     );
-    let said = orchestrate(&["run", text(&scenario), "--out", text(&died), "--set", &exe]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = run_orchestrator(&["run", text(&scenario), "--out", text(&died), "--set", &exe]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     assert!(died.join("log/damper.stderr").exists());
     let mode = std::fs::metadata(&died).unwrap().permissions().mode();
     assert_eq!(mode & 0o077, 0, "others have no part in it");
 }
 
 #[test]
-fn run_that_fails_before_it_has_begun_replaces_no_other() {
+fn run_that_fails_at_its_start_replaces_no_other_run() {
     let folder = Folder::new("unbegun");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("good");
     let run = |more: &[&str]| {
         let arguments = ["run", text(&scenario), "--quiet", "--out", text(&out), "--force"];
-        orchestrate(&[&arguments, more].concat())
+        run_orchestrator(&[&arguments, more].concat())
     };
-    let said = run(&[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run(&[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let read = |name: &str| std::fs::read(out.join(name)).unwrap();
     let kept = || ["plan.toml", "run.json", "summary.json", "tape/seal.json"].map(read);
     let before = kept();
@@ -335,8 +336,8 @@ fn run_that_fails_before_it_has_begun_replaces_no_other() {
         "participants.damper.run={{ exe = \"{}\" }}",
         participant("early_exit").display()
     );
-    let said = run(&["--set", &exe]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = run(&["--set", &exe]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     assert_eq!(kept(), before);
     assert!(!out.join(".replaced").exists());
 }
@@ -344,15 +345,15 @@ fn run_that_fails_before_it_has_begun_replaces_no_other() {
 #[test]
 fn folder_of_a_run_in_progress_is_not_taken() {
     let folder = Folder::new("progress");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("out");
     let arguments = ["run", text(&scenario), "--quiet", "--out", text(&out)];
-    let mut first = start(&[&arguments[..], &["--real-time", "--duration", "1000 s"]].concat());
+    let mut first = start_orchestrator(&[&arguments[..], &["--real-time", "--duration", "1000 s"]].concat());
     wait_for_bytes(&mut first, &out.join("tape/plant.motion.bin"), 1);
-    let second = orchestrate(&[&arguments[..], &["--force"]].concat());
+    let second = run_orchestrator(&[&arguments[..], &["--force"]].concat());
     assert_eq!(second.code, Some(2), "{second:?}");
     assert!(second.err.contains("a run is under way in it"), "{second:?}");
-    assert!(signal(first.id(), Signal::INT));
-    let first = finish(first);
+    assert!(send_signal(first.id(), Signal::INT));
+    let first = wait_for_output(first);
     assert!(out.join("summary.json").exists(), "{first:?}");
 }

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use escapement_tests::program::{Folder, finish, orchestrate, orchestrator, root, text};
-use escapement_tests::world::oscillator;
+use escapement_tests::fixture::write_oscillator;
+use escapement_tests::program::{Folder, orchestrator, root, run_orchestrator, text, wait_for_output};
 
 /// A run that lasts until it is ended, started with all permissions for all users.
 struct Running {
@@ -20,7 +20,7 @@ struct Running {
 impl Running {
     fn start() -> Running {
         let files = Folder::new("open");
-        let scenario = oscillator(&files, "damper");
+        let scenario = write_oscillator(&files, "damper");
         let child = Command::new("sh")
             .args(["-c", "umask 0; exec \"$@\"", "sh"])
             .arg(orchestrator())
@@ -74,7 +74,7 @@ impl Running {
         let pid = self.child.id().to_string();
         let _ = Command::new("kill").args(["-INT", &pid]).status();
         let child = std::mem::replace(&mut self.child, Command::new("true").spawn().expect("`true` runs"));
-        finish(child);
+        wait_for_output(child);
         let _ = self.child.wait();
     }
 }
@@ -106,7 +106,7 @@ fn addresses(parent: u32) -> Vec<String> {
 }
 
 #[test]
-fn nothing_of_a_run_is_for_others() {
+fn files_and_objects_of_a_run_are_private_to_its_user() {
     let running = Running::start();
     let mut objects = running.objects();
     let memory = objects
@@ -176,7 +176,7 @@ fn as_another_user(arguments: &[&str]) -> Option<std::process::Output> {
 #[test]
 fn folders_of_another_user_do_not_block_a_run() {
     let files = Folder::new("guessed");
-    let scenario = oscillator(&files, "damper");
+    let scenario = write_oscillator(&files, "damper");
     // Guessable names: a name made from the number of a user, held by another user for each of the two.
     let guessed = ["esc-0", "esc-65534"].map(|name| Path::new("/dev/shm").join(name));
     for (folder, owner) in guessed.iter().zip([65534, 0]) {
@@ -184,12 +184,12 @@ fn folders_of_another_user_do_not_block_a_run() {
         let _ = std::os::unix::fs::chown(folder, Some(owner), Some(owner));
     }
     let out = files.path().join("run");
-    let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
+    let output = run_orchestrator(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
     std::os::unix::fs::chown(files.path(), Some(65534), Some(65534)).unwrap_or_default();
     let out = files.path().join("nobody");
     let other = as_another_user(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
     guessed.iter().for_each(|folder| drop(fs::remove_dir(folder)));
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     if let Some(other) = other {
         assert_eq!(other.status.code(), Some(0), "{other:?}");
     }
@@ -198,21 +198,24 @@ fn folders_of_another_user_do_not_block_a_run() {
 #[test]
 fn doctor_leaves_the_objects_of_another_user() {
     let running = Running::start();
-    if let Some(said) = as_another_user(&["doctor", "--remove", "--json"]) {
-        let found = String::from_utf8_lossy(&said.stdout).into_owned();
-        assert!(said.status.success() && !found.contains(&running.prefix), "{said:?}");
+    if let Some(output) = as_another_user(&["doctor", "--remove", "--json"]) {
+        let found = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(
+            output.status.success() && !found.contains(&running.prefix),
+            "{output:?}"
+        );
     }
     assert!(running.objects().len() >= 10, "{:?}", running.objects());
     running.end();
 }
 
 #[test]
-fn a_run_of_another_user_is_refused_with_the_real_reason() {
+fn run_of_another_user_is_refused_with_the_actual_reason() {
     let files = Folder::new("of-another");
-    let scenario = oscillator(&files, "damper");
+    let scenario = write_oscillator(&files, "damper");
     let out = files.path().join("run");
-    let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let run = text(&out);
     for arguments in [
         &["compare", run, run][..],
@@ -222,9 +225,11 @@ fn a_run_of_another_user_is_refused_with_the_real_reason() {
         &["resume", run],
         &["measure", run],
     ] {
-        let Some(said) = as_another_user(arguments) else { return };
-        let words = String::from_utf8_lossy(&said.stderr);
-        assert_eq!(said.status.code(), Some(2), "{arguments:?}: {words}");
+        let Some(output) = as_another_user(arguments) else {
+            return;
+        };
+        let words = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {words}");
         assert!(
             words.contains("Permission denied") && words.contains("chmod"),
             "{arguments:?}: {words}"
@@ -233,16 +238,16 @@ fn a_run_of_another_user_is_refused_with_the_real_reason() {
 }
 
 #[test]
-fn an_existing_folder_keeps_its_mode() {
+fn existing_folder_keeps_its_mode() {
     let files = Folder::new("modes");
-    let scenario = oscillator(&files, "damper");
+    let scenario = write_oscillator(&files, "damper");
     let out = files.path().join("run");
     fs::create_dir(&out).unwrap();
     for (mode, force) in [(0o755, &[][..]), (0o755, &["--force"]), (0o750, &["--force"])] {
         fs::set_permissions(&out, fs::Permissions::from_mode(mode)).unwrap();
         let arguments = ["run", text(&scenario), "--out", text(&out), "--duration", "1 s"];
-        let said = orchestrate(&[&arguments[..], force].concat());
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_orchestrator(&[&arguments[..], force].concat());
+        assert_eq!(output.code, Some(0), "{output:?}");
         assert_eq!(fs::metadata(&out).unwrap().mode() & 0o7777, mode);
     }
 }

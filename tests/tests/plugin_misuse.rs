@@ -4,19 +4,21 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use escapement_tests::compiler::{Workshop, checks, must};
-use escapement_tests::machine::{signal, wait_for_bytes};
-use escapement_tests::program::{Folder, Said, finish, orchestrate, root, start, text};
+use escapement_tests::compiler::{NativeBuild, run_checked, syntax_check};
+use escapement_tests::machine::{send_signal, wait_for_bytes};
+use escapement_tests::program::{
+    Folder, ProgramOutput, root, run_orchestrator, start_orchestrator, text, wait_for_output,
+};
 
-fn workshop() -> &'static Workshop {
-    static SHOP: OnceLock<Workshop> = OnceLock::new();
-    SHOP.get_or_init(|| Workshop::open("misuse"))
+fn native_build() -> &'static NativeBuild {
+    static NATIVE_BUILD: OnceLock<NativeBuild> = OnceLock::new();
+    NATIVE_BUILD.get_or_init(|| NativeBuild::new("misuse"))
 }
 
 /// The participant with the mistake `misuse`, as a plug-in.
 fn misuse(misuse: &str) -> PathBuf {
     let define = format!("-DMISUSE=\"{misuse}\"");
-    workshop().plugin("tests/plugins/misuse.c", &format!("lib{misuse}.so"), &[&define])
+    native_build().plugin("tests/plugins/misuse.c", &format!("lib{misuse}.so"), &[&define])
 }
 
 /// A scenario with one participant, `counter`, whose `run` is in line 4.
@@ -27,39 +29,39 @@ fn scenario(folder: &Folder, run: &str) -> PathBuf {
     folder.write("one.toml", &text)
 }
 
-fn run(folder: &Folder, scenario: &Path, how: &[&str]) -> Said {
+fn run(folder: &Folder, scenario: &Path, how: &[&str]) -> ProgramOutput {
     let out = folder.path().join("run");
     let _ = std::fs::remove_dir_all(&out);
-    orchestrate(&[&["run", text(scenario), "--quiet", "--out", text(&out)], how].concat())
+    run_orchestrator(&[&["run", text(scenario), "--quiet", "--out", text(&out)], how].concat())
 }
 
 /// Runs a library in a separate process and in this one, and expects `code` and all of `words` each time.
-fn refused(library: &Path, code: i32, words: &[&str]) {
+fn assert_plugin_refused(library: &Path, code: i32, words: &[&str]) {
     let folder = Folder::new("misuse");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(library)));
     for how in [&[][..], &["--in-process"]] {
-        let said = run(&folder, &file, how);
-        assert_eq!(said.code, Some(code), "{}: {said:?}", library.display());
+        let output = run(&folder, &file, how);
+        assert_eq!(output.code, Some(code), "{}: {output:?}", library.display());
         for word in words {
             assert!(
-                said.err.contains(word),
+                output.err.contains(word),
                 "{} {how:?}: no `{word}` in {}",
                 library.display(),
-                said.err
+                output.err
             );
         }
-        assert!(!said.err.contains("panicked"), "{}", said.err);
+        assert!(!output.err.contains("panicked"), "{}", output.err);
     }
 }
 
 #[test]
-fn healthy_one_runs() {
+fn healthy_plugin_runs() {
     let folder = Folder::new("healthy");
     let library = misuse("nothing");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&library)));
     for how in [&[][..], &["--in-process"]] {
-        let said = run(&folder, &file, how);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run(&folder, &file, how);
+        assert_eq!(output.code, Some(0), "{output:?}");
     }
 }
 
@@ -69,13 +71,13 @@ fn plugin_knows_whether_its_output_is_seen() {
     let library = misuse("unseen");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&library)));
     for how in [&[][..], &["--in-process"]] {
-        let said = run(&folder, &file, how);
+        let output = run(&folder, &file, how);
         assert!(
-            said.code == Some(1) && said.err.contains("the count is seen"),
-            "{said:?}"
+            output.code == Some(1) && output.err.contains("the count is seen"),
+            "{output:?}"
         );
-        let said = run(&folder, &file, &[how, &["--set", "record.counter=false"]].concat());
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run(&folder, &file, &[how, &["--set", "record.counter=false"]].concat());
+        assert_eq!(output.code, Some(0), "{output:?}");
     }
 }
 
@@ -104,13 +106,13 @@ fn unusable_tables_are_refused_before_anything_runs() {
             &["`describe` wrote past the end of its own memory", "16 bytes", "counter"],
         ),
     ] {
-        refused(
+        assert_plugin_refused(
             &misuse(wrong),
             2,
             &[words, &["one.toml:4", "participants.counter.run"]].concat(),
         );
     }
-    refused(
+    assert_plugin_refused(
         &misuse("no-reason"),
         2,
         &["one.toml", "participants.counter", "`describe` returned 7"],
@@ -118,7 +120,7 @@ fn unusable_tables_are_refused_before_anything_runs() {
 }
 
 #[test]
-fn what_a_step_does_wrong_is_the_participants_failure() {
+fn wrong_result_of_a_step_is_the_participants_failure() {
     for (wrong, words) in [
         (
             "past-end",
@@ -151,57 +153,57 @@ fn what_a_step_does_wrong_is_the_participants_failure() {
         ("late-parameter", &["counter", "in `describe` only"]),
         ("exit", &["counter", "`step` called exit()"]),
     ] {
-        refused(&misuse(wrong), 1, words);
+        assert_plugin_refused(&misuse(wrong), 1, words);
     }
 }
 
 #[test]
-fn signal_during_a_step_in_one_process_is_answered_in_words_and_the_next_one_ends_it() {
+fn signal_during_a_step_is_reported_and_the_second_ends_the_run() {
     let folder = Folder::new("hangs");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&misuse("hangs"))));
     let out = folder.path().join("run");
-    let mut child = start(&["run", text(&file), "--quiet", "--in-process", "--out", text(&out)]);
+    let mut child = start_orchestrator(&["run", text(&file), "--quiet", "--in-process", "--out", text(&out)]);
     wait_for_bytes(&mut child, &out.join("log/counter.stderr"), 5);
-    assert!(signal(child.id(), rustix::process::Signal::TERM));
+    assert!(send_signal(child.id(), rustix::process::Signal::TERM));
     // The words come after one second.
     std::thread::sleep(std::time::Duration::from_secs(3));
     assert!(child.try_wait().is_ok_and(|ended| ended.is_none()));
-    assert!(signal(child.id(), rustix::process::Signal::INT));
-    let said = finish(child);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(send_signal(child.id(), rustix::process::Signal::INT));
+    let output = wait_for_output(child);
+    assert_eq!(output.code, Some(1), "{output:?}");
     let words = "waiting for a participant in its step; again to end at once";
-    assert!(said.err.contains(words), "{said:?}");
+    assert!(output.err.contains(words), "{output:?}");
 }
 
 #[test]
-fn failed_save_is_reported_in_its_own_words() {
-    unsaved("save-fails", &["its `save` failed: the file of the state is locked"]);
+fn failed_save_is_reported_with_its_message() {
+    assert_save_fails("save-fails", &["its `save` failed: the file of the state is locked"]);
 }
 
 /// The size is refused before anything is read: there are not so many bytes.
 #[test]
 fn state_that_is_too_large_is_refused_with_its_size() {
-    unsaved(
+    assert_save_fails(
         "save-much",
         &["its state has 68157440 bytes", "63 MiB", "or run without"],
     );
 }
 
 /// Saves the participant with the mistake `misuse` as a library in a process, in this one, and as a program.
-fn unsaved(misuse: &str, words: &[&str]) {
+fn assert_save_fails(misuse: &str, words: &[&str]) {
     let folder = Folder::new("unsaved");
     let define = format!("-DMISUSE=\"{misuse}\"");
-    let program = workshop().program("tests/plugins/misuse.c", &format!("program-{misuse}"), &[&define]);
+    let program = native_build().program("tests/plugins/misuse.c", &format!("program-{misuse}"), &[&define]);
     let library = format!("{{ library = {:?} }}", text(&self::misuse(misuse)));
     let exe = format!("{{ exe = {:?} }}", text(&program));
     for (run, how) in [(&library, &[][..]), (&library, &["--in-process"]), (&exe, &[])] {
         let file = scenario(&folder, run);
-        let said = self::run(&folder, &file, &[how, &["--checkpoint-at", "0.5 s"]].concat());
-        assert_eq!(said.code, Some(1), "{said:?}");
+        let output = self::run(&folder, &file, &[how, &["--checkpoint-at", "0.5 s"]].concat());
+        assert_eq!(output.code, Some(1), "{output:?}");
         for word in [&["`counter`", "cannot save its state"], words].concat() {
-            assert!(said.err.contains(word), "no `{word}` in {said:?}");
+            assert!(output.err.contains(word), "no `{word}` in {output:?}");
         }
-        assert!(!said.err.contains("implement"), "{said:?}");
+        assert!(!output.err.contains("implement"), "{output:?}");
     }
 }
 
@@ -210,12 +212,12 @@ fn program_with_an_unusable_table_is_refused_by_its_name() {
     let folder = Folder::new("misuse-program");
     for (wrong, word) in [("version", "ABI version 7"), ("null-step", "`step` is NULL")] {
         let define = format!("-DMISUSE=\"{wrong}\"");
-        let program = workshop().program("tests/plugins/misuse.c", &format!("program-{wrong}"), &[&define]);
+        let program = native_build().program("tests/plugins/misuse.c", &format!("program-{wrong}"), &[&define]);
         let file = scenario(&folder, &format!("{{ exe = {:?} }}", text(&program)));
-        let said = run(&folder, &file, &[]);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = run(&folder, &file, &[]);
+        assert_eq!(output.code, Some(2), "{output:?}");
         for word in [word, "one.toml:4", "counter"] {
-            assert!(said.err.contains(word), "{said:?}");
+            assert!(output.err.contains(word), "{output:?}");
         }
         // The participant was not started for a run.
         let alone = std::process::Command::new(&program)
@@ -226,8 +228,8 @@ fn program_with_an_unusable_table_is_refused_by_its_name() {
 }
 
 #[test]
-fn exceptions_become_the_failure_in_their_own_words() {
-    let library = workshop().plugin("tests/plugins/throws.cpp", "libthrows.so", &[]);
+fn exceptions_become_failures_with_their_message() {
+    let library = native_build().plugin("tests/plugins/throws.cpp", "libthrows.so", &[]);
     let folder = Folder::new("throws");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&library)));
     for (parameters, code, words) in [
@@ -266,10 +268,10 @@ fn exceptions_become_the_failure_in_their_own_words() {
     ] {
         let set = format!("participants.counter.parameters={{ {parameters} }}");
         for how in [&["--set", &set][..], &["--set", &set, "--in-process"]] {
-            let said = run(&folder, &file, how);
-            assert_eq!(said.code, Some(code), "{parameters}: {said:?}");
+            let output = run(&folder, &file, how);
+            assert_eq!(output.code, Some(code), "{parameters}: {output:?}");
             for word in words {
-                assert!(said.err.contains(word), "{parameters}: no `{word}` in {}", said.err);
+                assert!(output.err.contains(word), "{parameters}: no `{word}` in {}", output.err);
             }
         }
     }
@@ -278,7 +280,7 @@ fn exceptions_become_the_failure_in_their_own_words() {
 /// A member that would never be called, or would save nothing, does not compile.
 #[test]
 fn optional_members_with_another_signature_do_not_compile() {
-    let include = workshop().path("prefix/include");
+    let include = native_build().path("prefix/include");
     for (member, remedy) in [
         ("void state(escapement::State &state) { state(mass); }", None),
         ("void initialise(double) { *motion = mass; }", None),
@@ -296,7 +298,7 @@ fn optional_members_with_another_signature_do_not_compile() {
             Some("void terminate(escapement::Termination why)"),
         ),
     ] {
-        let compiler = checks("c++", "-std=c++17", &include)
+        let compiler = syntax_check("c++", "-std=c++17", &include)
             .arg(format!("-DMEMBER={member}"))
             .arg(root().join("tests/plugins/optional.cpp"))
             .output()
@@ -310,62 +312,62 @@ fn optional_members_with_another_signature_do_not_compile() {
 }
 
 #[test]
-fn files_that_are_no_plugin_are_refused_with_their_place() {
-    let (folder, shop) = (Folder::new("no-plugin"), workshop());
+fn files_that_are_no_plugin_are_refused_with_line_and_key() {
+    let (folder, native_build) = (Folder::new("no-plugin"), native_build());
     let text_file = folder.write("libtext.so", "this is a text and no library at all\n");
     let place = &["one.toml:4", "participants.counter.run"][..];
     let place = |words: &[&'static str]| [words, place].concat();
-    refused(&text_file, 2, &place(&["is not an ELF file"]));
-    refused(&folder.path().join("gone.so"), 2, &place(&["No such file"]));
-    refused(folder.path(), 2, &place(&["is not a file"]));
+    assert_plugin_refused(&text_file, 2, &place(&["is not an ELF file"]));
+    assert_plugin_refused(&folder.path().join("gone.so"), 2, &place(&["No such file"]));
+    assert_plugin_refused(folder.path(), 2, &place(&["is not a file"]));
     let source = folder.write("other.c", "int other(void) { return 1; }\n");
     let object = folder.path().join("other.o");
-    must(
+    run_checked(
         std::process::Command::new("cc")
             .arg("-c")
             .arg(&source)
             .arg("-o")
             .arg(&object),
     );
-    refused(&object, 2, &place(&["not a shared library"]));
+    assert_plugin_refused(&object, 2, &place(&["not a shared library"]));
     let other = folder.path().join("libother.so");
-    must(
+    run_checked(
         std::process::Command::new("cc")
             .args(["-shared", "-fPIC"])
             .arg(&source)
             .arg("-o")
             .arg(&other),
     );
-    refused(
+    assert_plugin_refused(
         &other,
         2,
         &place(&["no function `escapement_plugin`", "ESCAPEMENT_PLUGIN"]),
     );
     // A plug-in that still has its main requires the host of a program.
-    let with_main = shop.plugin("tests/plugins/misuse.c", "libmain.so", &["-DMISUSE=\"nothing\""]);
+    let with_main = native_build.plugin("tests/plugins/misuse.c", "libmain.so", &["-DMISUSE=\"nothing\""]);
     let mut bytes = std::fs::read(&with_main).expect("it was just made");
     // Of another machine: e_machine is 183, AArch64, or 62 where this is one.
     bytes[18] = if bytes[18] == 183 { 62 } else { 183 };
     let foreign = folder.path().join("libforeign.so");
     std::fs::write(&foreign, &bytes).expect("the folder can be written");
-    refused(&foreign, 2, &place(&["compile it for this machine"]));
+    assert_plugin_refused(&foreign, 2, &place(&["compile it for this machine"]));
     let needy = folder.write(
         "needy.c",
         "extern int nobody_has_this(void);\nint other(void) { return nobody_has_this(); }\n",
     );
     let library = folder.path().join("libneedy.so");
-    must(
+    run_checked(
         std::process::Command::new("cc")
             .args(["-shared", "-fPIC"])
             .arg(&needy)
             .arg("-o")
             .arg(&library),
     );
-    refused(&library, 2, &place(&["nobody_has_this", "must be linked with it"]));
+    assert_plugin_refused(&library, 2, &place(&["nobody_has_this", "must be linked with it"]));
 }
 
 #[test]
-fn run_tables_that_make_no_sense_are_refused() {
+fn invalid_run_tables_are_refused() {
     let folder = Folder::new("run-table");
     let library = misuse("nothing");
     let file = text(&library);
@@ -388,17 +390,17 @@ fn run_tables_that_make_no_sense_are_refused() {
         ),
     ] {
         let scenario = scenario(&folder, &run);
-        let said = self::run(&folder, &scenario, &[]);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = self::run(&folder, &scenario, &[]);
+        assert_eq!(output.code, Some(2), "{output:?}");
         for word in [word, "one.toml:4"] {
-            assert!(said.err.contains(word), "no `{word}` in {said:?}");
+            assert!(output.err.contains(word), "no `{word}` in {output:?}");
         }
     }
 }
 
 /// `escapement.h` and the types of the package `plugin` have the same sizes, offsets and numbers.
 #[test]
-fn header_says_what_the_library_does() {
+fn header_agrees_with_the_library() {
     use std::mem::offset_of;
 
     use plugin::table::{Field, Host, Message, Step, Table};
@@ -446,9 +448,10 @@ fn header_says_what_the_library_does() {
         .collect();
     let folder = Folder::new("header");
     let source = folder.write("layout.c", &format!("#include <escapement.h>\n{asserts}"));
-    let include = workshop().path("prefix/include");
-    let compile =
-        |compiler: &str, standard: &str, source: &Path| must(checks(compiler, standard, &include).arg(source));
+    let include = native_build().path("prefix/include");
+    let compile = |compiler: &str, standard: &str, source: &Path| {
+        run_checked(syntax_check(compiler, standard, &include).arg(source))
+    };
     compile("cc", "-std=c11", &source);
     // Both headers compile alone, and together in one file, in every language that they support.
     for (name, compiler, standards, header) in [

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use escapement_tests::program::{Folder, Said, orchestrate, root, text};
-use escapement_tests::world::oscillator;
+use escapement_tests::fixture::write_oscillator;
+use escapement_tests::program::{Folder, ProgramOutput, root, run_orchestrator, text};
 use serde_json::Value;
 
 const CLOSE: [&str; 4] = ["sweep", "scenarios/close.toml", "--duration", "500 ms"];
 const DELAYS: [&str; 2] = ["--vary", "connections.measured.delay=0ms..20ms:10ms"];
 
-fn close(out: &Path, more: &[&str]) -> Said {
-    orchestrate(&[&CLOSE[..], &["--out", text(out)], more].concat())
+fn close(out: &Path, more: &[&str]) -> ProgramOutput {
+    run_orchestrator(&[&CLOSE[..], &["--out", text(out)], more].concat())
 }
 
 fn summary(run: &Path) -> Value {
@@ -29,12 +29,12 @@ fn runs(out: &Path) -> Vec<String> {
 }
 
 #[test]
-fn point_runs_alone_with_the_digest_that_it_had() {
+fn point_rerun_alone_has_the_same_digest() {
     let folder = Folder::new("point");
     let out = |name: &str| folder.path().join(name);
     let rows = close(&out("sweep"), &[&DELAYS[..], &["--json", "--digest"]].concat()).json()["rows"].clone();
     // Another system, whose participants are separate programs.
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let other = out("other");
     let arguments = [
         "sweep",
@@ -46,18 +46,21 @@ fn point_runs_alone_with_the_digest_that_it_had() {
         "--out",
         text(&other),
     ];
-    let others = orchestrate(&arguments).json()["rows"].clone();
+    let others = run_orchestrator(&arguments).json()["rows"].clone();
     for (place, row) in [("sweep:2", &rows[1]), ("sweep:3", &rows[2]), ("other:2", &others[1])] {
         let run = out(&format!("run-{}", place.replace(':', "-")));
         let place = out(place);
-        let said = orchestrate(&["run", "--point", text(&place), "--quiet", "--out", text(&run)]);
-        assert!(matches!(said.code, Some(0 | 3)) && said.err.is_empty(), "{said:?}");
+        let output = run_orchestrator(&["run", "--point", text(&place), "--quiet", "--out", text(&run)]);
+        assert!(
+            matches!(output.code, Some(0 | 3)) && output.err.is_empty(),
+            "{output:?}"
+        );
         assert_eq!(summary(&run)["tape_digest"], row["tape_digest"]);
         assert!(run.join("tape/index.json").is_file());
     }
     // With a change it is a different run, and nothing is compared.
     let run = out("changed");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         "--point",
         text(&out("sweep:2")),
@@ -67,21 +70,21 @@ fn point_runs_alone_with_the_digest_that_it_had() {
         "--out",
         text(&run),
     ]);
-    assert!(said.err.is_empty(), "{said:?}");
+    assert!(output.err.is_empty(), "{output:?}");
 
     // If the scenario has changed since then, the tape differs, and the message states why.
     let stock = std::fs::read_to_string(&scenario).unwrap();
     std::fs::write(&scenario, stock.replace("10 s", "9 s")).unwrap();
     let run = out("later");
-    let said = orchestrate(&["run", "--point", text(&out("other:1")), "--quiet", "--out", text(&run)]);
-    assert_eq!(said.code, Some(3), "{said:?}");
+    let output = run_orchestrator(&["run", "--point", text(&out("other:1")), "--quiet", "--out", text(&run)]);
+    assert_eq!(output.code, Some(3), "{output:?}");
     assert!(
-        said.err.contains("has tape ") && said.err.contains("… in the campaign"),
-        "{said:?}"
+        output.err.contains("has tape ") && output.err.contains("… in the campaign"),
+        "{output:?}"
     );
     assert!(
-        said.err.contains("the scenario or a file of it is not the same"),
-        "{said:?}"
+        output.err.contains("the scenario or a file of it is not the same"),
+        "{output:?}"
     );
 
     let sweep = out("sweep");
@@ -93,17 +96,17 @@ fn point_runs_alone_with_the_digest_that_it_had() {
         (place(":x"), "write FOLDER:NUMBER"),
         (format!("{}:1", root().join("docs").display()), "no campaign.json"),
     ] {
-        let said = orchestrate(&["run", "--point", &place]);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        let output = run_orchestrator(&["run", "--point", &place]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
 }
 
 #[test]
-fn kept_folders_are_those_that_were_asked_for() {
+fn requested_run_folders_are_kept() {
     let folder = Folder::new("kept");
     let out = folder.path().join("sweep");
-    let said = close(
+    let output = close(
         &out,
         &[
             &DELAYS[..],
@@ -111,7 +114,7 @@ fn kept_folders_are_those_that_were_asked_for() {
         ]
         .concat(),
     );
-    let rows = said.json()["rows"].as_array().expect("rows").clone();
+    let rows = output.json()["rows"].as_array().expect("rows").clone();
     let torque = |row: &Value| {
         let figures = row["figures"].as_object().expect("figures");
         let own = figures.iter().find(|(key, _)| key.starts_with("peak_base_torque"));
@@ -126,13 +129,13 @@ fn kept_folders_are_those_that_were_asked_for() {
     assert!(summary(&run)["tape_digest"].is_string() && rows[worst.unwrap()]["tape_digest"].is_null());
     // More points are kept later, and only those are run again.
     let lines = std::fs::read(out.join("results.jsonl")).unwrap();
-    let said = close(&out, &[&DELAYS[..], &["--quiet", "--keep"]].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = close(&out, &[&DELAYS[..], &["--quiet", "--keep"]].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert_eq!(runs(&out), ["00001", "00002", "00003"]);
     assert_eq!(std::fs::read(out.join("results.jsonl")).unwrap(), lines);
 
     // Failed points, of another system.
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let exe = |name: &str| {
         format!(
             "{{ exe = \"{}\" }}",
@@ -141,7 +144,7 @@ fn kept_folders_are_those_that_were_asked_for() {
     };
     let vary = format!("participants.damper.run={},{}", exe("damper"), exe("crash_at"));
     let out = folder.path().join("failed");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "sweep",
         text(&scenario),
         "--vary",
@@ -152,7 +155,7 @@ fn kept_folders_are_those_that_were_asked_for() {
         "--out",
         text(&out),
     ]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    assert_eq!(output.code, Some(1), "{output:?}");
     assert_eq!(runs(&out), ["00002"]);
     assert!(out.join("runs/00002/log").is_dir());
 
@@ -160,14 +163,14 @@ fn kept_folders_are_those_that_were_asked_for() {
         (&["--keep", "best:3"][..], "worst:10"),
         (&["--keep", "worst:3", "--shard", "1/2"], "sweep merge"),
     ] {
-        let said = close(&folder.path().join("no"), &[&DELAYS[..], more].concat());
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(said.err.contains(part), "{said:?}");
+        let output = close(&folder.path().join("no"), &[&DELAYS[..], more].concat());
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(part), "{output:?}");
     }
 }
 
 #[test]
-fn campaign_ends_as_soon_as_enough_is_known() {
+fn campaign_ends_when_its_stopping_rule_holds() {
     let folder = Folder::new("until");
     let out = |name: &str| folder.path().join(name);
     let run = |name: &str, workers: &str, more: &[&str]| {
@@ -196,14 +199,14 @@ fn campaign_ends_as_soon_as_enough_is_known() {
         ("beauty within 1 %", "`beauty`"),
         ("met within 0 %", "no width"),
     ] {
-        let said = run("no", "1", &["--until", until]);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(said.err.contains(part), "{said:?}");
+        let output = run("no", "1", &["--until", until]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(part), "{output:?}");
     }
 }
 
 #[test]
-fn campaign_that_grows_runs_what_is_new_alone() {
+fn extended_campaign_runs_only_new_points() {
     let folder = Folder::new("grows");
     let out = |name: &str| folder.path().join(name);
     let seeds = |name: &str, count: &str| close(&out(name), &["--seeds", count, "--json"]);
@@ -218,14 +221,14 @@ fn campaign_that_grows_runs_what_is_new_alone() {
         let read = |name: &str| std::fs::read(out(name).join(file)).unwrap();
         assert!(read("grown") == read("at-once"), "{file}");
     }
-    let said = seeds("grown", "4");
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = seeds("grown", "4");
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err.contains("has 9 points and not 4") && said.err.contains("--out"),
-        "{said:?}"
+        output.err.contains("has 9 points and not 4") && output.err.contains("--out"),
+        "{output:?}"
     );
     // A grid whose first points differ is not an extension.
-    let said = close(&out("grown"), &["--vary", "seed=2..20"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("the points are not the same"), "{said:?}");
+    let output = close(&out("grown"), &["--vary", "seed=2..20"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("the points are not the same"), "{output:?}");
 }

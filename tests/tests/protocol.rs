@@ -1,6 +1,6 @@
 //! The bytes that `docs/protocol.md` documents for implementers in other languages are the bytes on the wire.
 
-use escapement_tests::parts::Damper;
+use escapement_tests::participants::Damper;
 use escapement_tests::program::root;
 use lockstep::control::{PROTOCOL, ParticipantEvent, Reply, Request, WallTimeBreakdown};
 use lockstep::fault::{Effect, FaultPort, FaultWindow, LinkFault, SignalFault, Slot};
@@ -91,7 +91,7 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
 }
 
 #[test]
-fn the_examples_of_the_page_are_what_travels() {
+fn documented_examples_are_the_encoded_messages() {
     let page = std::fs::read_to_string(root().join("docs/protocol.md")).expect("the page is there");
     let table: String = examples()
         .iter()
@@ -102,10 +102,10 @@ fn the_examples_of_the_page_are_what_travels() {
     }
 }
 
-/// A reader written only from the page.
-struct Plain<'a>(&'a [u8]);
+/// A decoder written only from the page.
+struct PageDecoder<'a>(&'a [u8]);
 
-impl Plain<'_> {
+impl PageDecoder<'_> {
     fn take<const N: usize>(&mut self) -> [u8; N] {
         let (head, rest) = self.0.split_first_chunk::<N>().expect("the message goes on");
         self.0 = rest;
@@ -174,7 +174,7 @@ impl Plain<'_> {
         let terms = self.list(|this| (this.u32(), this.u32(), this.f64()));
         (to, terms, self.f64(), self.u8())
     }
-    /// From, until, extra, drop_below; the key is left out.
+    /// From, until, extra, drop_below; without the key.
     fn disruptions(&mut self) -> Vec<(i64, i64, i128, u64)> {
         self.list(|this| {
             let one = (this.i64(), this.i64(), this.i128(), this.u64());
@@ -185,7 +185,7 @@ impl Plain<'_> {
 }
 
 #[test]
-fn the_part_of_a_plan_reads_as_the_page_says() {
+fn assignment_decodes_as_documented() {
     let mut plan = plan();
     let part = |first| Observed {
         every: 5,
@@ -215,11 +215,11 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     };
     let bytes = encode("", &request).unwrap();
     assert_eq!(decode::<Request>("", &bytes).unwrap(), request);
-    let mut plain = Plain(&bytes);
-    assert_eq!(plain.u32(), 2);
-    assert_eq!((plain.text().as_str(), plain.text().as_str()), ("damper", "1 ms"));
-    assert_eq!((plain.i64(), plain.i64(), plain.u64()), (0, 10, 100));
-    let interface = plain.interface();
+    let mut decoder = PageDecoder(&bytes);
+    assert_eq!(decoder.u32(), 2);
+    assert_eq!((decoder.text().as_str(), decoder.text().as_str()), ("damper", "1 ms"));
+    assert_eq!((decoder.i64(), decoder.i64(), decoder.u64()), (0, 10, 100));
+    let interface = decoder.interface();
     assert_eq!(interface[0], 0);
     assert_eq!(interface[1][0][0], "motion");
     assert_eq!(
@@ -228,9 +228,9 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     );
     assert_eq!(interface[1][0][2], 1);
     // One link, into input 0: number 0 from the plant, 2 ms late with up to 1 ms more.
-    assert_eq!((plain.u64(), plain.u32(), plain.u32()), (1, 0, 0));
-    assert_eq!(plain.text(), "plant.motion");
-    let (producer, [base, spread, scale], drop_below, hold, key) = plain.visibility();
+    assert_eq!((decoder.u64(), decoder.u32(), decoder.u32()), (1, 0, 0));
+    assert_eq!(decoder.text(), "plant.motion");
+    let (producer, [base, spread, scale], drop_below, hold, key) = decoder.visibility();
     assert_eq!((producer, drop_below, hold), ([0, 1], 1 << 30, 1));
     assert!(
         base == 2 * scale && spread * (1 << 32) == scale,
@@ -238,61 +238,67 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     );
     assert_ne!(key, 0);
     // A fault of the link: 3 ms more from 100 ms to 200 ms, and half of the samples lost.
-    assert_eq!(plain.disruptions(), [(100, 200, 3 * scale, 1 << 31)]);
-    assert_eq!((plain.u32(), plain.bytes()), (0, vec![0; 16]));
-    assert_eq!(u64::from(plain.u32()), plan.links[0].capacity as u64);
+    assert_eq!(decoder.disruptions(), [(100, 200, 3 * scale, 1 << 31)]);
+    assert_eq!((decoder.u32(), decoder.bytes()), (0, vec![0; 16]));
+    assert_eq!(u64::from(decoder.u32()), plan.links[0].capacity as u64);
     // No fault of the output. Twice the position goes into the position, and 3 m/s into the velocity.
-    assert_eq!((plain.u8(), plain.u8()), (0, 1));
-    assert_eq!(plain.descriptor(), interface[1][0][1]);
+    assert_eq!((decoder.u8(), decoder.u8()), (0, 1));
+    assert_eq!(decoder.descriptor(), interface[1][0][1]);
     assert_eq!(
-        plain.list(Plain::pair),
+        decoder.list(PageDecoder::pair),
         [((0, 0, 1), vec![(0, 0, 2.0)], 0.0, 0), ((8, 0, 1), Vec::new(), 3.0, 0)]
     );
-    the_outputs_read_as_the_page_says(&mut plain, &plan);
-    assert_eq!(plain.list(Plain::u32), [3]);
-    assert_eq!((plain.u32(), plain.u32(), plain.u32()), (5, 6, 1 << 16));
-    the_position_reads_as_the_page_says(&mut plain);
-    assert!(plain.0.is_empty());
+    check_outputs(&mut decoder, &plan);
+    assert_eq!(decoder.list(PageDecoder::u32), [3]);
+    assert_eq!((decoder.u32(), decoder.u32(), decoder.u32()), (5, 6, 1 << 16));
+    check_position(&mut decoder);
+    assert!(decoder.0.is_empty());
 }
 
-fn the_outputs_read_as_the_page_says(plain: &mut Plain<'_>, plan: &Plan) {
+fn check_outputs(decoder: &mut PageDecoder<'_>, plan: &Plan) {
     // One output: stream 1, of which every fifth sample is observed, those numbered 2 to 8, for one consumer.
-    assert_eq!((plain.u64(), plain.u32()), (1, 1));
-    assert_eq!((plain.u64(), plain.u64(), plain.u64()), (5, 2, 9));
-    assert_eq!(plain.u64(), 1);
-    assert_eq!((plain.u32(), plain.text().as_str(), plain.u32()), (1, "plant.push", 0));
-    let (producer, [base, spread, scale], drop_below, hold, _) = plain.visibility();
+    assert_eq!((decoder.u64(), decoder.u32()), (1, 1));
+    assert_eq!((decoder.u64(), decoder.u64(), decoder.u64()), (5, 2, 9));
+    assert_eq!(decoder.u64(), 1);
+    assert_eq!(
+        (decoder.u32(), decoder.text().as_str(), decoder.u32()),
+        (1, "plant.push", 0)
+    );
+    let (producer, [base, spread, scale], drop_below, hold, _) = decoder.visibility();
     assert_eq!((producer, base, spread, drop_below, hold), ([0, 10], 0, 0, 0, 0));
-    assert_eq!((scale, plain.u64()), (1, 0));
-    assert_eq!((plain.i64(), plain.i64(), plain.u8()), (0, 1, 0));
-    assert_eq!(u64::from(plain.u32()), plan.links[1].capacity as u64);
-    assert_eq!((plain.i64(), plain.u64()), (1000, 0));
+    assert_eq!((scale, decoder.u64()), (1, 0));
+    assert_eq!((decoder.i64(), decoder.i64(), decoder.u8()), (0, 1, 0));
+    assert_eq!(u64::from(decoder.u32()), plan.links[1].capacity as u64);
+    assert_eq!((decoder.i64(), decoder.u64()), (1000, 0));
     // Input 0 is recorded as stream 2. A fault there: the velocity is stuck at 0.5 m/s from 0.3 s on.
-    assert_eq!((plain.u64(), plain.u32(), plain.u32()), (1, 0, 2));
-    assert_eq!((plain.u64(), plain.u64(), plain.u64()), (5, 3, 9));
-    assert_eq!((plain.u64(), plain.text().as_str()), (1, "frozen"));
-    assert_eq!((plain.i64(), plain.i64(), plain.f64()), (300, i64::MAX, 0.3));
-    assert_eq!(plain.list(|this| (this.u32(), this.u32())), [(8, 0)]);
-    assert_eq!((plain.u32(), plain.u8(), plain.list(Plain::f64)), (4, 1, vec![0.5]));
-    assert_ne!(plain.u64(), 0);
+    assert_eq!((decoder.u64(), decoder.u32(), decoder.u32()), (1, 0, 2));
+    assert_eq!((decoder.u64(), decoder.u64(), decoder.u64()), (5, 3, 9));
+    assert_eq!((decoder.u64(), decoder.text().as_str()), (1, "frozen"));
+    assert_eq!((decoder.i64(), decoder.i64(), decoder.f64()), (300, i64::MAX, 0.3));
+    assert_eq!(decoder.list(|this| (this.u32(), this.u32())), [(8, 0)]);
+    assert_eq!(
+        (decoder.u32(), decoder.u8(), decoder.list(PageDecoder::f64)),
+        (4, 1, vec![0.5])
+    );
+    assert_ne!(decoder.u64(), 0);
 }
 
-fn the_position_reads_as_the_page_says(plain: &mut Plain<'_>) {
+fn check_position(decoder: &mut PageDecoder<'_>) {
     // A position: activation 7, one sample in transit, a value of an input, the held outputs, the state.
-    assert_eq!((plain.u8(), plain.u64()), (1, 7));
+    assert_eq!((decoder.u8(), decoder.u64()), (1, 7));
     assert_eq!(
-        plain.list(|this| this.list(|this| (this.u64(), this.bytes()))),
+        decoder.list(|this| this.list(|this| (this.u64(), this.bytes()))),
         [[(66, vec![9; 16])]]
     );
-    assert_eq!(plain.list(Plain::bytes), [vec![6; 16]]);
-    assert_eq!(plain.list(Plain::bytes), [vec![8; 8], Vec::new()]);
-    assert_eq!(plain.list(|this| this.list(Plain::bytes)), [[vec![7; 8]]]);
-    assert_eq!(plain.list(|this| this.list(Plain::bytes)).len(), 0);
-    assert_eq!((plain.u8(), plain.bytes()), (1, vec![1, 2]));
+    assert_eq!(decoder.list(PageDecoder::bytes), [vec![6; 16]]);
+    assert_eq!(decoder.list(PageDecoder::bytes), [vec![8; 8], Vec::new()]);
+    assert_eq!(decoder.list(|this| this.list(PageDecoder::bytes)), [[vec![7; 8]]]);
+    assert_eq!(decoder.list(|this| this.list(PageDecoder::bytes)).len(), 0);
+    assert_eq!((decoder.u8(), decoder.bytes()), (1, vec![1, 2]));
 }
 
 /// Twice the position, and a velocity that is always 3 m/s.
-fn turned() -> Conversion {
+fn position_doubled() -> Conversion {
     let descriptor = Damper::default().interface().inputs[0].descriptor.clone();
     let slot = |name: &str| Slot::resolve(&descriptor, name).expect("it has one").1[0];
     let term = Term {
@@ -346,7 +352,7 @@ fn plan() -> Plan {
             to: port("damper", "motion"),
             timing: late,
             initial: None,
-            conversion: Some(turned()),
+            conversion: Some(position_doubled()),
             random_stream: Some("motion".into()),
             faults: vec![LinkFault {
                 name: "storm".into(),

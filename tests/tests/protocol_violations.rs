@@ -1,18 +1,18 @@
 //! Participants that violate the protocol: whatever they write into shared memory, the run ends, names them, and leaves nothing behind.
 
+use escapement_tests::fixture::write_oscillator;
 use escapement_tests::machine::processes_of;
-use escapement_tests::program::{Folder, Said, orchestrate, participant};
-use escapement_tests::world::oscillator;
+use escapement_tests::program::{Folder, ProgramOutput, participant, run_orchestrator};
 
 /// Checks that the run ends with code 1 and reports all of `words`.
-fn caught(violation: &str, words: &[&str]) -> (Folder, Said) {
-    caught_with(violation, &[], words)
+fn assert_violation_reported(violation: &str, words: &[&str]) -> (Folder, ProgramOutput) {
+    assert_violation_reported_with(violation, &[], words)
 }
 
-/// As [`caught`], with `more` on the command line.
-fn caught_with(violation: &str, more: &[&str], words: &[&str]) -> (Folder, Said) {
+/// As [`assert_violation_reported`], with `more` on the command line.
+fn assert_violation_reported_with(violation: &str, more: &[&str], words: &[&str]) -> (Folder, ProgramOutput) {
     let folder = Folder::new(violation);
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("run");
     let run = format!(
         "participants.damper.run={{ exe = '{}', args = ['{violation}'] }}",
@@ -21,19 +21,19 @@ fn caught_with(violation: &str, more: &[&str], words: &[&str]) -> (Folder, Said)
     let scenario = scenario.to_str().expect("paths of tests are text");
     let out = out.to_str().expect("paths of tests are text");
     let base = ["run", scenario, "--set", &run, "--out", out, "--start-within", "3 s"];
-    let said = orchestrate(&[&base, more].concat());
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = run_orchestrator(&[&base, more].concat());
+    assert_eq!(output.code, Some(1), "{output:?}");
     for word in words {
-        assert!(said.err.contains(word), "`{word}` is missing: {said:?}");
+        assert!(output.err.contains(word), "`{word}` is missing: {output:?}");
     }
     assert_eq!(processes_of(folder.path()), Vec::<String>::new(), "processes are left");
-    (folder, said)
+    (folder, output)
 }
 
 #[test]
-fn early_finish_note_is_refused_and_its_sender_named() {
+fn early_finish_event_is_refused_and_its_sender_named() {
     let has = "has recorded 100 samples of `damper.push` where the plan has 1000";
-    let (folder, _) = caught("finishes", &["`damper`: reports that it has finished", has]);
+    let (folder, _) = assert_violation_reported("finishes", &["`damper`: reports that it has finished", has]);
     let summary = std::fs::read_to_string(folder.path().join("run/summary.json")).unwrap();
     assert!(
         summary.contains("\"failed\"") && !summary.contains("\"complete\""),
@@ -42,19 +42,19 @@ fn early_finish_note_is_refused_and_its_sender_named() {
 }
 
 #[test]
-fn false_rest_note_is_refused_before_a_checkpoint() {
+fn false_pause_event_is_refused_before_a_checkpoint() {
     for (violation, words) in [
         (
-            "rests-early",
+            "pauses-early",
             "at t = 2 s before its activation 100; by the plan it rests there before activation 200",
         ),
         (
-            "rests-short",
+            "pauses-short",
             "at t = 2 s, and has recorded 100 samples of `damper.push` where the plan has 200",
         ),
-        ("rests-beyond", "at t = 3 s; it is granted no time after t = 2 s"),
+        ("pauses-beyond", "at t = 3 s; it is granted no time after t = 2 s"),
     ] {
-        let (folder, _) = caught_with(
+        let (folder, _) = assert_violation_reported_with(
             violation,
             &["--checkpoint-at", "2 s"],
             &["`damper`: reports that it rests", words],
@@ -65,20 +65,20 @@ fn false_rest_note_is_refused_before_a_checkpoint() {
 
 #[test]
 fn second_publisher_of_a_record_is_named_not_its_owner() {
-    let (_, said) = caught(
-        "intrudes",
+    let (_, output) = assert_violation_reported(
+        "opens-other-record",
         &[
             "`damper`: process",
             "opened the record of `plant`, which is not its own",
         ],
     );
-    assert!(!said.err.contains("participant `plant`"), "{said:?}");
+    assert!(!output.err.contains("participant `plant`"), "{output:?}");
 }
 
 #[test]
-fn consumer_finds_samples_although_no_notifier_wakes_it() {
+fn consumer_finds_samples_without_a_wake_up() {
     let folder = Folder::new("wakes");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let run = format!(
         "participants.damper.run={{ exe = '{}', args = ['wakes-none'] }}",
         participant("violates").display()
@@ -97,13 +97,13 @@ fn consumer_finds_samples_although_no_notifier_wakes_it() {
         "--set",
         &run,
     ];
-    let said = orchestrate(&run);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&run);
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 #[test]
 fn sample_past_the_granted_time_is_refused() {
-    caught_with(
+    assert_violation_reported_with(
         "past-the-horizon",
         &["--pause-at", "1 s"],
         &[
@@ -114,8 +114,8 @@ fn sample_past_the_granted_time_is_refused() {
 }
 
 #[test]
-fn repeated_notes_do_not_count_as_progress() {
-    caught_with(
+fn repeated_events_do_not_count_as_progress() {
+    assert_violation_reported_with(
         "repeats-itself",
         &["--patience", "3 s"],
         &["`damper`: nothing has moved for 3."],
@@ -126,10 +126,10 @@ fn repeated_notes_do_not_count_as_progress() {
 fn participant_text_cannot_steer_the_terminal_or_fake_lines() {
     let steers = |text: &str| text.contains(|c: char| c.is_control() && c != '\n');
     for violation in ["steers-the-terminal", "steers-in-its-log", "steers-in-a-unit"] {
-        let (folder, said) = caught(violation, &["`damper`", r"\u{1b}[2J"]);
-        assert!(!steers(&said.err) && !steers(&said.out), "{said:?}");
+        let (folder, output) = assert_violation_reported(violation, &["`damper`", r"\u{1b}[2J"]);
+        assert!(!steers(&output.err) && !steers(&output.out), "{output:?}");
         let fakes = |line: &str| line.starts_with("error: all") || line.trim_start().starts_with("error: all");
-        assert!(!said.err.lines().any(fakes), "{said:?}");
+        assert!(!output.err.lines().any(fakes), "{output:?}");
         if violation == "steers-in-its-log" {
             // The log has what was written.
             let log = std::fs::read(folder.path().join("run/log/damper.stderr")).unwrap();
@@ -139,71 +139,71 @@ fn participant_text_cannot_steer_the_terminal_or_fake_lines() {
 }
 
 #[test]
-fn a_repeated_sample_is_refused_by_its_reader() {
-    caught("link-repeats", &["`damper.push` sent sample #99 after sample #99"]);
+fn subscriber_rejects_repeated_sample() {
+    assert_violation_reported("link-repeats", &["`damper.push` sent sample #99 after sample #99"]);
 }
 
 #[test]
-fn a_sample_out_of_order_is_refused_by_its_reader() {
-    caught("link-back", &["`damper.push` sent sample #50 after sample #99"]);
+fn subscriber_rejects_sample_out_of_order() {
+    assert_violation_reported("link-back", &["`damper.push` sent sample #50 after sample #99"]);
 }
 
 #[test]
-fn a_second_way_to_the_recorder_is_named_at_once() {
-    caught("record-twice", &["`damper`", "opened a second way to the recorder"]);
+fn second_connection_to_the_recorder_is_named_at_once() {
+    assert_violation_reported("record-twice", &["`damper`", "opened a second way to the recorder"]);
 }
 
 #[test]
-fn a_skipped_sample_is_refused_by_its_reader() {
-    caught("link-skips", &["`damper.push` sent sample #101 where #100 is due"]);
+fn subscriber_rejects_skipped_sample() {
+    assert_violation_reported("link-skips", &["`damper.push` sent sample #101 where #100 is due"]);
 }
 
 #[test]
-fn a_false_stamp_is_refused_by_its_reader() {
-    caught(
+fn subscriber_rejects_false_stamp() {
+    assert_violation_reported(
         "link-stamp",
         &["`damper.push` sent sample #100 stamped", "its stamp must be 1 s"],
     );
 }
 
 #[test]
-fn a_nan_is_refused_by_its_reader() {
-    caught("link-nan", &["`damper.push` sent sample #100 with force = NaN"]);
+fn subscriber_rejects_nan() {
+    assert_violation_reported("link-nan", &["`damper.push` sent sample #100 with force = NaN"]);
 }
 
 #[test]
-fn a_false_record_is_refused_and_its_author_named() {
+fn recorder_rejects_false_record_and_names_its_sender() {
     let of = "`damper`";
-    caught("record-repeats", &[of, "stamped 1 s; its stamp must be 0.99 s"]);
-    caught("record-back", &[of, "damper.push", "50", "100"]);
-    caught("record-skips", &[of, "damper.push", "101", "100"]);
-    caught("record-stamp", &[of, "sample #100 stamped", "its stamp must be 1 s"]);
-    caught("record-size", &[of, "damper.push", "9", "16"]);
-    caught("record-stream", &[of, "which is not its own"]);
-    caught("record-unknown", &[of, "stream 77, which is not its own"]);
-    caught("record-last", &[of, "18446744073709551615"]);
+    assert_violation_reported("record-repeats", &[of, "stamped 1 s; its stamp must be 0.99 s"]);
+    assert_violation_reported("record-back", &[of, "damper.push", "50", "100"]);
+    assert_violation_reported("record-skips", &[of, "damper.push", "101", "100"]);
+    assert_violation_reported("record-stamp", &[of, "sample #100 stamped", "its stamp must be 1 s"]);
+    assert_violation_reported("record-size", &[of, "damper.push", "9", "16"]);
+    assert_violation_reported("record-stream", &[of, "which is not its own"]);
+    assert_violation_reported("record-unknown", &[of, "stream 77, which is not its own"]);
+    assert_violation_reported("record-last", &[of, "18446744073709551615"]);
 }
 
 #[test]
-fn an_answer_that_is_none_is_refused_and_its_author_named() {
+fn invalid_answer_is_refused_and_its_sender_named() {
     let of = "`damper`";
-    caught("garbage", &[of, "a reply cannot be decoded"]);
-    caught("count", &[of, "a reply cannot be decoded"]);
-    caught("nothing", &[of, "a reply cannot be decoded"]);
-    caught("answer", &[of, "answered its part of the plan with"]);
+    assert_violation_reported("garbage", &[of, "a reply cannot be decoded"]);
+    assert_violation_reported("count", &[of, "a reply cannot be decoded"]);
+    assert_violation_reported("nothing", &[of, "a reply cannot be decoded"]);
+    assert_violation_reported("answer", &[of, "answered its part of the plan with"]);
 }
 
 #[test]
-fn another_version_of_the_protocol_is_refused() {
-    caught("version", &["`damper`", "`offender` speaks version"]);
+fn other_protocol_version_is_refused() {
+    assert_violation_reported("version", &["`damper`", "`offender` speaks version"]);
 }
 
 #[test]
-fn ports_that_cannot_be_are_refused() {
-    caught("gap", &["`damper`", "describes ports that cannot be"]);
+fn invalid_ports_are_refused() {
+    assert_violation_reported("gap", &["`damper`", "describes ports that cannot be"]);
 }
 
 #[test]
-fn who_never_answers_is_named() {
-    caught("silence", &["`damper`", "did not answer within 3 s"]);
+fn participant_that_never_answers_is_named() {
+    assert_violation_reported("silence", &["`damper`", "did not answer within 3 s"]);
 }

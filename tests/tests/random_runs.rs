@@ -9,21 +9,21 @@ use std::sync::Arc;
 use engine::Catalogue;
 use engine::run::{self, Ending, Options, Origin, Outcome, Record, Run, checkpoint};
 use engine::scenario::Scenario;
-use escapement_tests::parts::{Damper, Oscillator};
+use escapement_tests::participants::{Damper, Oscillator};
 use escapement_tests::program::{Folder, participant};
 use lockstep::random::Stream;
 use lockstep::time::Rational;
 
 /// Consecutive random samples for one plan.
-struct Draws(Stream, u64);
+struct Rng(Stream, u64);
 
-impl Draws {
+impl Rng {
     fn below(&mut self, count: u64) -> u64 {
         self.1 += 1;
         self.0.bits(self.1) % count
     }
 
-    fn of<'a>(&mut self, all: &[&'a str]) -> &'a str {
+    fn choose<'a>(&mut self, all: &[&'a str]) -> &'a str {
         all[self.below(all.len() as u64) as usize]
     }
 }
@@ -38,14 +38,14 @@ fn program(name: &str, processes: bool) -> String {
 }
 
 /// A chain of an oscillator and dampers, of which the first pushes it, with all kinds of random events.
-fn plan(draws: &mut Draws, processes: bool) -> String {
-    let dampers = 1 + draws.below(3);
-    let mut text = format!("duration = \"300 ms\"\nseed = {}\n", draws.below(1000));
+fn plan(rng: &mut Rng, processes: bool) -> String {
+    let dampers = 1 + rng.below(3);
+    let mut text = format!("duration = \"300 ms\"\nseed = {}\n", rng.below(1000));
     let _ = write!(
         text,
         "[participants.plant]\nrun = {}\nperiod = \"{}\"\n",
         program("oscillator", processes),
-        draws.of(&["1 ms", "2 ms", "1/300 s"])
+        rng.choose(&["1 ms", "2 ms", "1/300 s"])
     );
     for number in 0..dampers {
         let _ = write!(
@@ -53,41 +53,41 @@ fn plan(draws: &mut Draws, processes: bool) -> String {
             "[participants.damper-{number}]\nrun = {}\nperiod = \"{}\"\noffset = \"{}\"\n[connections.to-{number}]\n\
              from = \"plant.motion\"\nto = \"damper-{number}.motion\"\ndelay = \"{}\"\njitter = \"{}\"\ndrop = {}\nhold = \"{}\"\n",
             program("damper", processes),
-            draws.of(&["3 ms", "10 ms", "7 ms", "1/70 s"]),
-            draws.of(&["0 s", "0 s", "4 ms", "95 ms"]),
-            draws.of(&["0 s", "5 ms", "21 ms"]),
-            draws.of(&["0 s", "0 s", "9 ms"]),
-            draws.of(&["0.0", "0.0", "0.4"]),
-            draws.of(&["last", "initial", "linear"]),
+            rng.choose(&["3 ms", "10 ms", "7 ms", "1/70 s"]),
+            rng.choose(&["0 s", "0 s", "4 ms", "95 ms"]),
+            rng.choose(&["0 s", "5 ms", "21 ms"]),
+            rng.choose(&["0 s", "0 s", "9 ms"]),
+            rng.choose(&["0.0", "0.0", "0.4"]),
+            rng.choose(&["last", "initial", "linear"]),
         );
-        if draws.below(2) == 0 {
+        if rng.below(2) == 0 {
             // The two fields on separate links.
             let _ = write!(
                 text,
                 "map = {{ velocity = \"velocity\" }}\n[connections.place-{number}]\nfrom = \"plant.motion.position\"\n\
                  to = \"damper-{number}.motion.position\"\nfactor = {}\ndelay = \"{}\"\n",
-                draws.of(&["1", "-2.5"]),
-                draws.of(&["0 s", "2 ms", "33 ms"]),
+                rng.choose(&["1", "-2.5"]),
+                rng.choose(&["0 s", "2 ms", "33 ms"]),
             );
         }
     }
     let _ = write!(
         text,
         "[connections.push]\nfrom = \"damper-0.push\"\nto = \"plant.push\"\ndelay = \"{}\"\n",
-        draws.of(&["0 s", "1 ms", "30 ms"])
+        rng.choose(&["0 s", "1 ms", "30 ms"])
     );
     let _ = write!(
         text,
         "[guards.wide]\noutput = \"plant.motion\"\nfield = \"position\"\nrange = \"[-100, 100] m\"\n\
          [guards.moves]\noutput = \"plant.motion\"\nfield = \"velocity\"\nfrozen-for = \"100 ms\"\n"
     );
-    for fault in 0..draws.below(4) {
-        let (at, until) = (draws.below(250), 10 + draws.below(100));
+    for fault in 0..rng.below(4) {
+        let (at, until) = (rng.below(250), 10 + rng.below(100));
         let _ = write!(
             text,
             "[[faults]]\nname = \"odd-{fault}\"\nat = \"{at} ms\"\nuntil = \"{} ms\"\n{}\n",
             at + until,
-            draws.of(&[
+            rng.choose(&[
                 "output = \"plant.motion\"\nfield = \"velocity\"\nkind = \"noise\"\nvalue = \"0.1 m/s\"",
                 "output = \"plant.motion\"\nfield = \"position\"\nkind = \"stuck\"",
                 "input = \"damper-0.motion\"\nfield = \"velocity\"\nkind = \"bias\"\nvalue = \"0.3 m/s\"",
@@ -97,19 +97,19 @@ fn plan(draws: &mut Draws, processes: bool) -> String {
             ])
         );
     }
-    for _ in 0..2 + draws.below(5) {
+    for _ in 0..2 + rng.below(5) {
         // Not always at an activation, often at one shared with other participants, and several for one participant.
-        let at = draws.of(&["0 s", "2 ms", "30 ms", "30 ms", "95 ms", "1/7 s", "210 ms", "277 ms"]);
-        let (seat, name) = match draws.below(3) {
+        let at = rng.choose(&["0 s", "2 ms", "30 ms", "30 ms", "95 ms", "1/7 s", "210 ms", "277 ms"]);
+        let (slot, name) = match rng.below(3) {
             0 => ("plant".to_owned(), "oscillator"),
             1 => ("damper-0".to_owned(), "damper"),
-            _ => (format!("damper-{}", draws.below(dampers)), "damper"),
+            _ => (format!("damper-{}", rng.below(dampers)), "damper"),
         };
         let _ = write!(
             text,
-            "[[faults]]\nat = \"{at}\"\nsubstitute = \"{seat}\"\nrun = {}\nstate = \"{}\"\n",
+            "[[faults]]\nat = \"{at}\"\nsubstitute = \"{slot}\"\nrun = {}\nstate = \"{}\"\n",
             program(name, processes),
-            draws.of(&["cold", "keep"])
+            rng.choose(&["cold", "keep"])
         );
     }
     text + "[measures.away]\nof = \"plant.motion.position\"\ncompute = \"mean\"\n\
@@ -118,7 +118,7 @@ fn plan(draws: &mut Draws, processes: bool) -> String {
 }
 
 /// The part of the samples that is recorded; one plan in four records everything.
-fn record(draws: &mut Draws) -> String {
+fn record(rng: &mut Rng) -> String {
     let part = |of: &str, part: &str| format!("{of} = {part}\n");
     let every = [
         "false",
@@ -127,11 +127,11 @@ fn record(draws: &mut Draws) -> String {
         "{ to = \"100 ms\" }",
         "{ from = \"220 ms\" }",
     ];
-    match draws.below(4) {
+    match rng.below(4) {
         0 => String::new(),
         1 => "[record]\nplant = false\ndamper-0 = false\n".to_owned(),
         _ => {
-            let (motion, push) = (draws.of(&every), draws.of(&every));
+            let (motion, push) = (rng.choose(&every), rng.choose(&every));
             "[record]\n".to_owned() + &part("plant.motion", motion) + &part("damper-0.push", push)
         }
     }
@@ -141,8 +141,8 @@ fn scenario(seed: u64, processes: bool) -> Scenario {
     let catalogue = Catalogue::new("tests")
         .participant("oscillator", Oscillator::factory)
         .participant("damper", Damper::factory);
-    let text = plan(&mut Draws(Stream::new(seed, "random runs"), 0), processes)
-        + &record(&mut Draws(Stream::new(seed, "what is kept"), 0));
+    let text = plan(&mut Rng(Stream::new(seed, "random runs"), 0), processes)
+        + &record(&mut Rng(Stream::new(seed, "what is kept"), 0));
     let read = Scenario::read_text(&Arc::new(catalogue), Path::new("random.toml"), &text);
     read.unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
@@ -187,7 +187,11 @@ fn any_plan_gives_one_tape_however_it_is_executed() {
             whole,
             "{seed} in processes"
         );
-        assert_eq!(rested(&inside, seed), whole, "{seed} with rests and a way back");
+        assert_eq!(
+            digest_with_pauses(&inside, seed),
+            whole,
+            "{seed} with rests and a way back"
+        );
         for (at, in_process) in [(50, true), (250, false), (250, true)] {
             let saved = out(if in_process { "inside" } else { "outside" });
             let limit = Some(Rational::from_millis(at));
@@ -211,20 +215,20 @@ fn any_plan_gives_one_tape_however_it_is_executed() {
 }
 
 /// The tape of a run in memory that is paused at several instants and restored twice.
-fn rested(scenario: &Scenario, seed: u64) -> String {
+fn digest_with_pauses(scenario: &Scenario, seed: u64) -> String {
     let options = Options {
         in_process: true,
         record: Record::Memory,
         ..Options::default()
     };
-    let mut draws = Draws(Stream::new(seed, "rests"), 0);
+    let mut rng = Rng(Stream::new(seed, "rests"), 0);
     let mut run = Run::start(scenario, &options).unwrap();
-    let first = 1 + draws.below(120) as i64;
+    let first = 1 + rng.below(120) as i64;
     run.run_to(Rational::from_millis(first)).unwrap();
     let here = run.save().unwrap();
-    run.run_to(Rational::from_millis(first + draws.below(150) as i64))
+    run.run_to(Rational::from_millis(first + rng.below(150) as i64))
         .unwrap();
-    (0..draws.below(20)).for_each(|_| run.step().unwrap());
+    (0..rng.below(20)).for_each(|_| run.step().unwrap());
     run.restore(&here).unwrap();
     run.run_to("300 ms").unwrap();
     run.restore(&here).unwrap();

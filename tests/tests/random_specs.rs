@@ -11,15 +11,15 @@ use lockstep::random::Stream;
 use toml::{Table, Value};
 
 /// Consecutive random samples for one scenario.
-struct Draws(Stream, u64);
+struct Rng(Stream, u64);
 
-impl Draws {
+impl Rng {
     fn below(&mut self, count: u64) -> u64 {
         self.1 += 1;
         self.0.bits(self.1) % count
     }
 
-    fn maybe<T>(&mut self, make: impl FnOnce(&mut Draws) -> T) -> Option<T> {
+    fn maybe<T>(&mut self, make: impl FnOnce(&mut Rng) -> T) -> Option<T> {
         (self.below(2) == 0).then(|| make(self))
     }
 
@@ -65,13 +65,13 @@ impl Draws {
             0 => RunSpec::builtin(&self.name()),
             1 => RunSpec::exe("./a b", ["-x".to_owned(), self.name()]),
             2 => RunSpec {
-                participant: self.maybe(Draws::name),
+                participant: self.maybe(Rng::name),
                 ..RunSpec::library("./x.so")
             },
             _ => RunSpec {
-                ports: self.maybe(|draws| draws.value(2)),
-                feedthrough: self.maybe(|draws| draws.value(1)),
-                tolerance: self.maybe(|draws| draws.value(0)),
+                ports: self.maybe(|rng| rng.value(2)),
+                feedthrough: self.maybe(|rng| rng.value(1)),
+                tolerance: self.maybe(|rng| rng.value(0)),
                 ..RunSpec::fmu("x.fmu")
             },
         }
@@ -87,53 +87,53 @@ impl Draws {
         if self.below(2) == 0 {
             connection = connection.and_to("x.y");
         }
-        connection.map = self.maybe(|draws| draws.value(2));
-        connection.factor = self.maybe(|draws| draws.value(1));
-        connection.offset = self.maybe(|draws| draws.value(1));
+        connection.map = self.maybe(|rng| rng.value(2));
+        connection.factor = self.maybe(|rng| rng.value(1));
+        connection.offset = self.maybe(|rng| rng.value(1));
         connection.sum = self.below(2) == 0;
-        connection.frames = self.maybe(|draws| if draws.below(2) == 0 { Frames::Same } else { Frames::Any });
+        connection.frames = self.maybe(|rng| if rng.below(2) == 0 { Frames::Same } else { Frames::Any });
         connection
     }
 
     fn fault(&mut self) -> FaultSpec {
         FaultSpec {
-            name: self.maybe(Draws::name),
+            name: self.maybe(Rng::name),
             at: self.time(),
-            until: self.maybe(Draws::time),
-            input: self.maybe(Draws::name),
-            output: self.maybe(Draws::name),
-            field: self.maybe(Draws::name),
-            kind: self.maybe(|draws| [FaultKind::BitFlip, FaultKind::Stuck][draws.below(2) as usize]),
-            value: self.maybe(|draws| draws.value(1)),
-            bit: self.maybe(|draws| draws.below(64) as u32),
-            probability: self.maybe(Draws::number),
-            connection: self.maybe(Draws::name),
-            drop: self.maybe(Draws::number),
-            extra_delay: self.maybe(Draws::time),
-            substitute: self.maybe(Draws::name),
-            run: self.maybe(Draws::run),
-            parameters: self.maybe(|draws| draws.table(2)),
-            state: self.maybe(|draws| [State::Cold, State::Keep][draws.below(2) as usize]),
+            until: self.maybe(Rng::time),
+            input: self.maybe(Rng::name),
+            output: self.maybe(Rng::name),
+            field: self.maybe(Rng::name),
+            kind: self.maybe(|rng| [FaultKind::BitFlip, FaultKind::Stuck][rng.below(2) as usize]),
+            value: self.maybe(|rng| rng.value(1)),
+            bit: self.maybe(|rng| rng.below(64) as u32),
+            probability: self.maybe(Rng::number),
+            connection: self.maybe(Rng::name),
+            drop: self.maybe(Rng::number),
+            extra_delay: self.maybe(Rng::time),
+            substitute: self.maybe(Rng::name),
+            run: self.maybe(Rng::run),
+            parameters: self.maybe(|rng| rng.table(2)),
+            state: self.maybe(|rng| [State::Cold, State::Keep][rng.below(2) as usize]),
         }
     }
 
     fn measure(&mut self) -> MeasureSpec {
         MeasureSpec {
             of: self.name(),
-            is: self.maybe(|draws| draws.value(0)),
-            minus: self.maybe(Draws::name),
-            through: self.maybe(|draws| [ThroughKind::Norm, ThroughKind::Angle][draws.below(2) as usize]),
+            is: self.maybe(|rng| rng.value(0)),
+            minus: self.maybe(Rng::name),
+            through: self.maybe(|rng| [ThroughKind::Norm, ThroughKind::Angle][rng.below(2) as usize]),
             compute: [MeasureKind::TimeAbove, MeasureKind::Percentile, MeasureKind::Rms][self.below(3) as usize],
-            from: self.maybe(Draws::time),
-            to: self.maybe(Draws::time),
-            at: self.maybe(Draws::time),
-            threshold: self.maybe(|draws| draws.value(1)),
-            band: self.maybe(|draws| draws.value(1)),
-            percent: self.maybe(Draws::number),
-            unit: self.maybe(Draws::name),
-            at_most: self.maybe(|draws| draws.value(0)),
-            at_least: self.maybe(|draws| draws.value(0)),
-            within: self.maybe(|draws| draws.value(1)),
+            from: self.maybe(Rng::time),
+            to: self.maybe(Rng::time),
+            at: self.maybe(Rng::time),
+            threshold: self.maybe(|rng| rng.value(1)),
+            band: self.maybe(|rng| rng.value(1)),
+            percent: self.maybe(Rng::number),
+            unit: self.maybe(Rng::name),
+            at_most: self.maybe(|rng| rng.value(0)),
+            at_least: self.maybe(|rng| rng.value(0)),
+            within: self.maybe(|rng| rng.value(1)),
         }
     }
 
@@ -142,9 +142,9 @@ impl Draws {
             0 => RecordSpec::Whole,
             1 => RecordSpec::Nothing,
             _ => RecordSpec::Part(RecordPart {
-                every: self.maybe(Draws::time),
-                from: self.maybe(Draws::time),
-                to: self.maybe(Draws::time),
+                every: self.maybe(Rng::time),
+                from: self.maybe(Rng::time),
+                to: self.maybe(Rng::time),
             }),
         }
     }
@@ -156,12 +156,12 @@ impl Draws {
         } else {
             u64::MAX - self.below(9)
         };
-        spec.folder = self.maybe(Draws::name);
+        spec.folder = self.maybe(Rng::name);
         spec.inputs = (0..self.below(3)).map(|_| self.name()).collect();
         for _ in 0..self.below(4) {
             let mut participant = ParticipantSpec::new(self.run()).every(self.time()).offset(self.time());
             participant.parameters = self.table(3);
-            participant.start_within = self.maybe(Draws::time);
+            participant.start_within = self.maybe(Rng::time);
             participant.on_failure = match self.below(3) {
                 0 => OnFailureSpec::Stop,
                 1 => OnFailureSpec::RestartFromCheckpoint,
@@ -176,10 +176,10 @@ impl Draws {
         for _ in 0..self.below(3) {
             let guard = GuardSpec {
                 output: self.name(),
-                field: self.maybe(Draws::name),
-                range: self.maybe(|draws| draws.value(1)),
-                never: self.maybe(|draws| draws.value(1)),
-                frozen_for: self.maybe(Draws::time),
+                field: self.maybe(Rng::name),
+                range: self.maybe(|rng| rng.value(1)),
+                never: self.maybe(|rng| rng.value(1)),
+                frozen_for: self.maybe(Rng::time),
             };
             spec.guards.insert(self.name(), guard);
             spec.measures.insert(self.name(), self.measure());
@@ -190,7 +190,7 @@ impl Draws {
             &mut spec.scene,
             &mut spec.campaign,
         ] {
-            *table = self.maybe(|draws| draws.table(2));
+            *table = self.maybe(|rng| rng.table(2));
         }
         for number in 0..self.below(4) {
             // A part is a part of a stream.
@@ -208,7 +208,7 @@ impl Draws {
 #[test]
 fn any_scenario_is_written_and_read_again() {
     for seed in 0..500 {
-        let spec = Draws(Stream::new(seed, "specs"), 0).spec();
+        let spec = Rng(Stream::new(seed, "specs"), 0).spec();
         let text = spec.to_text();
         let again =
             ScenarioSpec::of_text(Path::new("any.toml"), &text).unwrap_or_else(|error| panic!("{error}\n{text}"));

@@ -3,13 +3,13 @@
 
 use std::path::Path;
 
-use escapement_tests::program::{Folder, Said, orchestrate, root, text};
-use escapement_tests::samples::{PARTS, samples};
-use escapement_tests::world::World;
+use escapement_tests::fixture::RunFixture;
+use escapement_tests::program::{Folder, ProgramOutput, root, run_orchestrator, text};
+use escapement_tests::samples::{PARTIAL_RECORD, samples};
 use serde_json::Value;
 
 /// The first seconds of the close capture into `out`.
-fn close(out: &Path, more: &[&str]) -> Said {
+fn close(out: &Path, more: &[&str]) -> ProgramOutput {
     let scenario = root().join("scenarios/close.toml");
     let all = [
         "run",
@@ -20,18 +20,18 @@ fn close(out: &Path, more: &[&str]) -> Said {
         "--out",
         text(out),
     ];
-    let said = orchestrate(&[&all[..], more].concat());
-    assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
-    said
+    let output = run_orchestrator(&[&all[..], more].concat());
+    assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
+    output
 }
 
 #[test]
-fn what_is_kept_is_what_it_was_in_every_way_of_running() {
+fn selected_samples_equal_the_whole_tape_in_every_way() {
     let folder = Folder::new("recorded");
     let out = |name: &str| folder.path().join(name);
     let whole = close(&out("whole"), &["--in-process"]).json();
-    let part = close(&out("part"), &[&["--in-process"], &PARTS[..]].concat()).json();
-    let apart = close(&out("apart"), &PARTS).json();
+    let part = close(&out("part"), &[&["--in-process"], &PARTIAL_RECORD[..]].concat()).json();
+    let apart = close(&out("apart"), &PARTIAL_RECORD).json();
     assert_ne!(
         whole["tape_digest"], part["tape_digest"],
         "the digest says what it covers"
@@ -74,7 +74,7 @@ fn what_is_kept_is_what_it_was_in_every_way_of_running() {
         "--digest",
         "--out",
     ];
-    let swept = orchestrate(&[&common[..], &[text(&out("sweep")), "--vary", "seed=1"], &PARTS].concat());
+    let swept = run_orchestrator(&[&common[..], &[text(&out("sweep")), "--vary", "seed=1"], &PARTIAL_RECORD].concat());
     assert_eq!(
         swept.json()["rows"][0]["tape_digest"],
         apart["tape_digest"],
@@ -83,10 +83,10 @@ fn what_is_kept_is_what_it_was_in_every_way_of_running() {
 }
 
 #[test]
-fn pages_and_exports_show_what_there_is() {
+fn pages_and_exports_show_the_recorded_samples() {
     let folder = Folder::new("recorded-shown");
     let out = folder.path().join("run");
-    close(&out, &[&["--in-process"], &PARTS[..]].concat());
+    close(&out, &[&["--in-process"], &PARTIAL_RECORD[..]].concat());
     for command in [
         &["report", text(&out)][..],
         &["export", text(&out), "--to", "parquet"],
@@ -102,48 +102,48 @@ fn pages_and_exports_show_what_there_is() {
             "--json",
         ],
     ] {
-        let said = orchestrate(command);
-        assert_eq!(said.code, Some(0), "{command:?}: {said:?}");
+        let output = run_orchestrator(command);
+        assert_eq!(output.code, Some(0), "{command:?}: {output:?}");
     }
 }
 
 #[test]
-fn what_needs_the_rest_is_refused() {
-    let world = World::with(
+fn commands_that_need_unrecorded_samples_are_refused() {
+    let fixture = RunFixture::with_appended(
         "recorded-refused",
         "damper",
         "\n[record]\nplant.motion = { every = \"5 ms\" }\n\n[measures.peak]\nof = \"plant.motion.position\"\ncompute = \"max\"\n",
     );
-    let said = world.run("part", &[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = fixture.run("part", &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert!(
-        said.out.contains("the tape has only: `plant.motion` every 5 ms"),
-        "{said:?}"
+        output.out.contains("the tape has only: `plant.motion` every 5 ms"),
+        "{output:?}"
     );
-    let part = world.path("part");
-    let asked = orchestrate(&["measure", text(&part)]);
+    let part = fixture.path("part");
+    let asked = run_orchestrator(&["measure", text(&part)]);
     assert_eq!(asked.code, Some(2), "{asked:?}");
     assert!(
         asked.err.contains("measures.peak") && asked.err.contains("[record] leaves samples out"),
         "{asked:?}"
     );
-    let replayed = orchestrate(&["replay", text(&part), "--participant", "damper"]);
+    let replayed = run_orchestrator(&["replay", text(&part), "--participant", "damper"]);
     assert_eq!(replayed.code, Some(2), "{replayed:?}");
     let words = "`record` leaves out samples of `plant.motion`";
     assert!(replayed.err.contains(words), "{replayed:?}");
     // A run that was recorded completely can continue with a partial record.
     let again = ["--set", "record.plant.motion=true", "--checkpoint-at", "4 s"];
-    assert_eq!(world.run("saved", &again).code, Some(0));
-    let said = world.resume("saved", "on", &["--set", "record.plant.motion={ every = \"5 ms\" }"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let compared = orchestrate(&["compare", text(&part), text(&world.path("on"))]);
+    assert_eq!(fixture.run("saved", &again).code, Some(0));
+    let output = fixture.resume("saved", "on", &["--set", "record.plant.motion={ every = \"5 ms\" }"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let compared = run_orchestrator(&["compare", text(&part), text(&fixture.path("on"))]);
     assert_eq!(compared.code, Some(0), "{compared:?}");
 }
 
 #[test]
 fn entries_that_do_not_fit_are_refused_with_file_and_key() {
-    let world = World::new("recorded-wrong", "damper");
-    let scenario = std::fs::read_to_string(&world.scenario).unwrap();
+    let fixture = RunFixture::new("recorded-wrong", "damper");
+    let scenario = std::fs::read_to_string(&fixture.scenario).unwrap();
     for (record, key, part) in [
         (
             "plants.motion = false",
@@ -177,11 +177,14 @@ fn entries_that_do_not_fit_are_refused_with_file_and_key() {
         ),
         ("plant.motion = 5", "record.plant.motion", "write false, true"),
     ] {
-        std::fs::write(&world.scenario, format!("{scenario}\n[record]\n{record}\n")).unwrap();
-        let said = world.run("no", &[]);
-        assert_eq!(said.code, Some(2), "{record}: {said:?}");
-        assert!(said.err.contains(key) && said.err.contains(part), "{record}: {said:?}");
-        assert!(!world.path("no").exists());
+        std::fs::write(&fixture.scenario, format!("{scenario}\n[record]\n{record}\n")).unwrap();
+        let output = fixture.run("no", &[]);
+        assert_eq!(output.code, Some(2), "{record}: {output:?}");
+        assert!(
+            output.err.contains(key) && output.err.contains(part),
+            "{record}: {output:?}"
+        );
+        assert!(!fixture.path("no").exists());
     }
 }
 
@@ -201,8 +204,8 @@ fn exports_choose_streams_fields_and_times() {
         "--until",
         "0.75s",
     ];
-    let said = orchestrate(&[&["export", text(&out), "--to", "csv", "--out", text(&to)], &chosen[..]].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&[&["export", text(&out), "--to", "csv", "--out", text(&to)], &chosen[..]].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
     let files: Vec<String> = std::fs::read_dir(&to)
         .unwrap()
         .map(|file| file.unwrap().file_name().into_string().unwrap())
@@ -218,11 +221,11 @@ fn exports_choose_streams_fields_and_times() {
         (stamps.len(), stamps.first(), stamps.last()),
         (251, Some(&0.5), Some(&0.75))
     );
-    let said = orchestrate(&["export", text(&out), "--to", "csv", "--of", "plant.truth.nope"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("has no field `nope`"), "{said:?}");
+    let output = run_orchestrator(&["export", text(&out), "--to", "csv", "--of", "plant.truth.nope"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("has no field `nope`"), "{output:?}");
     // The file contains the digest of its tape and its scenario.
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "export",
         text(&out),
         "--to",
@@ -232,13 +235,13 @@ fn exports_choose_streams_fields_and_times() {
         "--out",
         text(&to),
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     let mcap = std::fs::read(to.join("run.mcap")).unwrap();
     let has = |part: &str| mcap.windows(part.len()).any(|window| window == part.as_bytes());
     assert!(has(summary["tape_digest"].as_str().unwrap()) && has("[participants.plant]"));
     let plain = mcap.len();
-    let said = orchestrate(&["export", text(&out), "--to", "mcap", "--out", text(&to)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["export", text(&out), "--to", "mcap", "--out", text(&to)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let packed = std::fs::metadata(to.join("run.mcap")).unwrap().len() as usize;
     assert!(packed < plain, "{packed} of {plain}");
 }
@@ -252,13 +255,13 @@ fn measure_names_the_stream_that_the_tape_lacks() {
     close(&nothing, &[&["--in-process"], &off[..]].concat());
     close(&part, &[&["--in-process"], &off[..2]].concat());
     let of = ["--of", "plant.truth.relative_speed", "--compute", "max"];
-    for (run, said) in [
+    for (run, output) in [
         (&nothing, "nothing: the tape has no stream, so nothing can be measured"),
         (&part, "--of: there is no stream `plant.truth`; there is `controller."),
         (&part, "if [record] leaves its stream out"),
     ] {
-        let asked = orchestrate(&[&["measure", text(run)], &of[..]].concat());
+        let asked = run_orchestrator(&[&["measure", text(run)], &of[..]].concat());
         assert_eq!(asked.code, Some(2), "{asked:?}");
-        assert!(asked.err.contains(said), "`{said}` is not in {}", asked.err);
+        assert!(asked.err.contains(output), "`{output}` is not in {}", asked.err);
     }
 }

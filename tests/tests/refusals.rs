@@ -1,10 +1,10 @@
 //! Every mistake in a scenario is rejected before anything starts: exit code 2, the file, the line, the key, the remedy, and no run
 //! folder.
 
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 
 /// Runs the close capture with `from` replaced by `to`; the message must contain all of `expected`.
-fn refused(from: &str, to: &str, expected: &[&str]) {
+fn assert_refused(from: &str, to: &str, expected: &[&str]) {
     let folder = Folder::new("refused");
     let stock = std::fs::read_to_string(root().join("scenarios/close.toml")).unwrap();
     assert!(stock.contains(from), "the stock scenario has no `{from}`");
@@ -17,19 +17,19 @@ fn refused(from: &str, to: &str, expected: &[&str]) {
         &["run", text(&scenario), "--out", text(&out)][..],
         &["check", text(&scenario)],
     ] {
-        let said = orchestrate(command);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = run_orchestrator(command);
+        assert_eq!(output.code, Some(2), "{output:?}");
         for part in expected {
-            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+            assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
         }
-        assert!(said.err.contains("changed.toml"), "{said:?}");
+        assert!(output.err.contains("changed.toml"), "{output:?}");
     }
     assert!(!out.exists(), "nothing is written");
 }
 
 #[test]
-fn an_unknown_key() {
-    refused(
+fn unknown_key_is_refused() {
+    assert_refused(
         "duration = ",
         "duratoin = \"1 s\"\nduration = ",
         &["changed.toml:", "duratoin", "unknown field"],
@@ -37,8 +37,8 @@ fn an_unknown_key() {
 }
 
 #[test]
-fn an_unknown_key_of_a_participant() {
-    refused(
+fn unknown_key_of_a_participant_is_refused() {
+    assert_refused(
         "[participants.plant]",
         "[participants.plant]\nperoid = \"1 ms\"",
         &["participants.plant.peroid", "unknown field"],
@@ -46,8 +46,8 @@ fn an_unknown_key_of_a_participant() {
 }
 
 #[test]
-fn an_unknown_parameter() {
-    refused(
+fn unknown_parameter_is_refused() {
+    assert_refused(
         "[participants.controller.parameters]",
         "[participants.controller.parameters]\nspeeed = 3",
         &["participants.controller.parameters", "speeed"],
@@ -60,7 +60,7 @@ fn title_with_control_characters_is_refused_and_escaped() {
     for (written, shown) in [("\\n", "\\n"), ("\\u001b[31m", "\\u{1b}"), ("\\u2028", "\\u{2028}")] {
         let line = format!(": title: \"{shown}");
         let to = title.replace("\"Close", &format!("\"{written}Close"));
-        refused(
+        assert_refused(
             title,
             &to,
             &["changed.toml:", &line, "write one line without control characters"],
@@ -69,8 +69,8 @@ fn title_with_control_characters_is_refused_and_escaped() {
 }
 
 #[test]
-fn a_wrong_unit() {
-    refused(
+fn wrong_unit_is_refused() {
+    assert_refused(
         "period = \"1 ms\"",
         "period = \"1 m\"",
         &["participants.plant.period", "`1 m`", "not one of time"],
@@ -78,8 +78,8 @@ fn a_wrong_unit() {
 }
 
 #[test]
-fn a_missing_connection() {
-    refused(
+fn missing_connection_is_refused() {
+    assert_refused(
         "to = \"plant.command\"",
         "to = []",
         &["connections.command.to", "names no input"],
@@ -87,32 +87,32 @@ fn a_missing_connection() {
 }
 
 #[test]
-fn samples_in_flight_beyond_the_limit_name_the_longest_part_of_the_delay() {
-    refused(
+fn too_many_samples_in_flight_name_the_longest_delay() {
+    assert_refused(
         "delay = \"0 ms\"\n\n[assessment]",
         "delay = \"1 ms\"\njitter = \"9 h\"\n\n[assessment]",
         &["connections.command.jitter", "shorten its jitter of 32400 s"],
     );
-    refused_with(
+    assert_set_refused(
         "connections.command.delay=\"9 h\"",
         &["connections.command.delay", "shorten its delay of 32400 s"],
     );
     let scenario = root().join("scenarios/close.toml");
     let fault = "connection=command,at=1 s,extra-delay=9 h";
-    let said = orchestrate(&["check", text(&scenario), "--fault", fault]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&["check", text(&scenario), "--fault", fault]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in [
         "faults.fault-1.extra-delay",
         "shorten the extra delay of 32400 s of the fault `fault-1`",
         "given with --fault",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
 }
 
 #[test]
-fn a_file_that_is_not_there() {
-    refused(
+fn missing_file_is_refused() {
+    assert_refused(
         "servicer.urdf",
         "serviser.urdf",
         &["participants.plant.parameters", "serviser.urdf", "cannot be read"],
@@ -120,8 +120,8 @@ fn a_file_that_is_not_there() {
 }
 
 #[test]
-fn a_builtin_that_is_not_there() {
-    refused(
+fn unknown_builtin_is_refused() {
+    assert_refused(
         "builtin = \"plant\"",
         "builtin = \"plan\"",
         &["participants.plant.run", "no builtin `plan`", "`plant`"],
@@ -129,73 +129,73 @@ fn a_builtin_that_is_not_there() {
 }
 
 #[test]
-fn text_that_is_not_toml() {
-    refused(
+fn invalid_toml_is_refused() {
+    assert_refused(
         "[connections.command]",
         "[connections.command",
         &["changed.toml:", "is not TOML"],
     );
 }
 
-fn refused_with(set: &str, expected: &[&str]) {
+fn assert_set_refused(set: &str, expected: &[&str]) {
     let scenario = root().join("scenarios/close.toml");
-    let said = orchestrate(&["check", text(&scenario), "--set", set]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&["check", text(&scenario), "--set", set]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in expected {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
 }
 
 #[test]
 fn overrides_are_checked_like_the_file() {
-    refused_with(
+    assert_set_refused(
         "connections.measured.delay=-1ms",
         &["connections.measured", "-1 ms", "must not be negative"],
     );
-    refused_with(
+    assert_set_refused(
         "connections.nothing.delay=1ms",
         &["no `nothing`", "`measured`", "--set"],
     );
-    refused_with(
+    assert_set_refused(
         "connections.measured.drop=1.5",
         &["connections.measured", "1.5", "between 0 and 1"],
     );
-    refused_with(
+    assert_set_refused(
         "connections.command.initial=first-sample",
         &["connections.command", "first-sample", "initial value"],
     );
-    refused_with(
+    assert_set_refused(
         "connections.command.from=controller.comand",
         &["no output of `controller`", "`comand`", "`command`"],
     );
-    refused_with(
+    assert_set_refused(
         "connections.command.to=guidance.target",
         &["does not fit", "`plant.command` is not connected"],
     );
-    refused_with(
+    assert_set_refused(
         "connections.target.to=[\"guidance.target\", \"guidance.target\"]",
         &["`guidance.target` is fed twice"],
     );
-    refused_with(
+    assert_set_refused(
         "connections.setpoint.to=plant.command",
         &["does not fit", "f64 in s", "in N m, frame B"],
     );
-    refused_with(
+    assert_set_refused(
         "participants.plant.period=0s",
         &["participants.plant.period", "must be positive"],
     );
-    refused_with("duration=0s", &["duration", "must be positive"]);
-    refused_with("seed=-1", &["seed"]);
-    refused_with(
+    assert_set_refused("duration=0s", &["duration", "must be positive"]);
+    assert_set_refused("seed=-1", &["seed"]);
+    assert_set_refused(
         "participants.plant.run.exe=/bin/true",
         &["participants.plant.run", "write {"],
     );
-    refused_with("nonsense", &["KEY.PATH=VALUE"]);
+    assert_set_refused("nonsense", &["KEY.PATH=VALUE"]);
 }
 
 /// A file is read in stages, each of which needs the result of the previous one: sections, parameters, plan.
 #[test]
-fn all_mistakes_of_a_stage_are_named_at_once() {
+fn all_errors_of_a_stage_are_reported_at_once() {
     let scenario = root().join("scenarios/close.toml");
     let sections = [
         ("participants.plant.period=0s", "must be positive"),
@@ -216,16 +216,16 @@ fn all_mistakes_of_a_stage_are_named_at_once() {
     ];
     for stage in [&sections[..], &parameters, &plan] {
         let sets = stage.iter().flat_map(|(set, _)| ["--set", set]);
-        let said = orchestrate(&["check", text(&scenario)].into_iter().chain(sets).collect::<Vec<_>>());
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = run_orchestrator(&["check", text(&scenario)].into_iter().chain(sets).collect::<Vec<_>>());
+        assert_eq!(output.code, Some(2), "{output:?}");
         for (_, mistake) in stage {
-            assert!(said.err.contains(mistake), "`{mistake}` is not in: {}", said.err);
+            assert!(output.err.contains(mistake), "`{mistake}` is not in: {}", output.err);
         }
     }
 }
 
 #[test]
-fn an_algebraic_loop_names_its_members_and_what_would_break_it() {
+fn algebraic_loop_is_refused_with_its_members_and_the_remedy() {
     let folder = Folder::new("loop");
     let scenario = folder.write(
         "loop.toml",
@@ -244,24 +244,24 @@ from = "b.to"
 to = "a.from"
 "#,
     );
-    let said = orchestrate(&["check", text(&scenario)]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&["check", text(&scenario)]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in ["algebraic loop at t = 0 s", "a -> b -> a", "`there`", "`back`", "delay"] {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
     // Members without a common instant form no loop; neither does a cycle with a delay in it.
     for cure in ["participants.b.offset=0.5ms", "connections.back.delay=1us"] {
-        let said = orchestrate(&["check", text(&scenario), "--set", cure]);
-        assert_eq!(said.code, Some(0), "{cure}: {said:?}");
+        let output = run_orchestrator(&["check", text(&scenario), "--set", cure]);
+        assert_eq!(output.code, Some(0), "{cure}: {output:?}");
     }
 }
 
 #[test]
-fn a_run_folder_is_never_overwritten() {
+fn run_folder_is_never_overwritten() {
     let folder = Folder::new("taken");
     folder.write("precious.txt", "work of years");
     let scenario = root().join("scenarios/close.toml");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         text(&scenario),
         "--out",
@@ -269,14 +269,17 @@ fn a_run_folder_is_never_overwritten() {
         "--duration",
         "10 ms",
     ]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("not empty") && said.err.contains("--out"), "{said:?}");
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(
+        output.err.contains("not empty") && output.err.contains("--out"),
+        "{output:?}"
+    );
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
 /// A file of tuned gains that does not fit: the key, what is wrong, the remedy.
 #[test]
-fn gains_that_do_not_fit_the_controller() {
+fn gains_that_do_not_fit_the_controller_are_refused() {
     let folder = Folder::new("gains");
     let tuned = std::fs::read_to_string(root().join("gains/pi-diagonal.toml")).unwrap();
     let integral = tuned.lines().find(|line| line.starts_with("ki = ")).unwrap();
@@ -309,7 +312,7 @@ fn gains_that_do_not_fit_the_controller() {
             "participants.controller.parameters.gains={{ file = {:?} }}",
             text(&file)
         );
-        refused_with(&set, expected);
+        assert_set_refused(&set, expected);
     }
     // The paper's bound is the norm of K_S, which not every file has, and it is one bound for all channels.
     let without: String = tuned
@@ -323,16 +326,16 @@ fn gains_that_do_not_fit_the_controller() {
         "participants.controller.parameters.gains={{ file = {:?} }}",
         text(&file)
     );
-    refused_with(&set, &["gains.gains.ks", "is missing", "bound = \"actuators\""]);
-    refused_with(
+    assert_set_refused(&set, &["gains.gains.ks", "is missing", "bound = \"actuators\""]);
+    assert_set_refused(
         "participants.controller.parameters.inner={ bound = \"sliding-gain\", force_bound = \"5 N\" }",
         &["inner.force_bound", "would be ignored", "sliding-gain"],
     );
-    refused_with(
+    assert_set_refused(
         "participants.controller.parameters.inner={ scalar_bound = 5.0, torque_bound = \"1 N m\" }",
         &["inner.torque_bound", "would be ignored", "scalar_bound"],
     );
-    refused_with(
+    assert_set_refused(
         "participants.controller.parameters.inner={ feedback = \"proportional\" }",
         &["gains.gains.ki", "would be ignored", "integral = false"],
     );
@@ -342,7 +345,7 @@ fn gains_that_do_not_fit_the_controller() {
 #[test]
 fn gains_of_another_robot_are_warned_of() {
     let scenario = root().join("scenarios/close.toml");
-    let check = |set: &str| orchestrate(&["check", text(&scenario), "--set", set]);
+    let check = |set: &str| run_orchestrator(&["check", text(&scenario), "--set", set]);
     let as_tuned = check("seed=1");
     assert_eq!(
         (as_tuned.code, as_tuned.err.contains("warning")),
@@ -380,7 +383,7 @@ fn gains_of_another_robot_are_warned_of() {
 }
 
 #[test]
-fn a_panel_of_signals_that_are_not_there() {
+fn panel_of_unknown_signals_is_refused() {
     for (panel, expected) in [
         (
             "curves = [\"plant.truth.position\"]",
@@ -413,7 +416,7 @@ fn a_panel_of_signals_that_are_not_there() {
     ] {
         // At the head of the file, on a separate line.
         let panel = panel.replace('\n', ", ");
-        refused(
+        assert_refused(
             "title = ",
             &format!("report.panels = [\n{{ {panel} }}]\ntitle = "),
             expected,

@@ -4,24 +4,33 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use escapement_tests::fixture::write_oscillator;
 use escapement_tests::machine::processes_of;
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, text};
-use escapement_tests::world::oscillator;
+use escapement_tests::program::{
+    Folder, ProgramOutput, orchestrator, participant, root, run_orchestrator, text, wait_for_output,
+};
 
 /// Runs a scenario into `folder/run` and returns that folder.
 fn recorded(folder: &Folder, scenario: &Path, more: &[&str]) -> PathBuf {
     let out = folder.path().join("run");
     let mut arguments = vec!["run", text(scenario), "--out", text(&out), "--quiet"];
     arguments.extend(more);
-    let said = orchestrate(&arguments);
-    assert!(out.join("tape/index.json").exists(), "{said:?}");
+    let output = run_orchestrator(&arguments);
+    assert!(out.join("tape/index.json").exists(), "{output:?}");
     out
 }
 
-fn replay(run: &Path, who: &str, more: &[&str]) -> Said {
-    let mut arguments = vec!["replay", text(run), "--participant", who, "--quiet", "--json"];
+fn replay(run: &Path, participant_name: &str, more: &[&str]) -> ProgramOutput {
+    let mut arguments = vec![
+        "replay",
+        text(run),
+        "--participant",
+        participant_name,
+        "--quiet",
+        "--json",
+    ];
     arguments.extend(more);
-    orchestrate(&arguments)
+    run_orchestrator(&arguments)
 }
 
 /// The close capture, with every effect that a link can have on a sample.
@@ -41,23 +50,27 @@ fn capture(folder: &Folder) -> PathBuf {
     recorded(folder, &root().join("scenarios/close.toml"), &settings)
 }
 
-fn identical(said: &Said) -> u64 {
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let result = said.json();
-    assert_eq!(result["comparison"]["identical"], true, "{said:?}");
+fn identical(output: &ProgramOutput) -> u64 {
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let result = output.json();
+    assert_eq!(result["comparison"]["identical"], true, "{output:?}");
     result["comparison"]["samples"].as_u64().expect("a count")
 }
 
 #[test]
-fn every_stock_participant_says_the_same_again() {
+fn replay_of_every_stock_participant_is_identical() {
     let folder = Folder::new("replay");
     let run = capture(&folder);
-    for (who, samples) in [("controller", 900), ("guidance", 900), ("plant", 15_005)] {
-        assert_eq!(identical(&replay(&run, who, &[])), samples, "{who} in this process");
+    for (participant_name, samples) in [("controller", 900), ("guidance", 900), ("plant", 15_005)] {
         assert_eq!(
-            identical(&replay(&run, who, &["--process"])),
+            identical(&replay(&run, participant_name, &[])),
             samples,
-            "{who} as a process"
+            "{participant_name} in this process"
+        );
+        assert_eq!(
+            identical(&replay(&run, participant_name, &["--process"])),
+            samples,
+            "{participant_name} as a process"
         );
     }
     assert_eq!(identical(&replay(&run, "controller", &["--to", "1 s"])), 300);
@@ -65,18 +78,18 @@ fn every_stock_participant_says_the_same_again() {
 }
 
 #[test]
-fn another_parameter_is_found_at_the_first_sample_that_it_changes() {
+fn changed_parameter_is_found_at_the_first_different_sample() {
     let folder = Folder::new("replay-parameter");
     let run = capture(&folder);
     let set = ["--set", "participants.guidance.parameters.schedule.start=\"1.5 s\""];
     for process in [&[][..], &["--process"]] {
-        let said = replay(&run, "guidance", &[&set[..], process].concat());
-        assert_eq!(said.code, Some(3), "{said:?}");
-        let first = said.json()["comparison"]["first"].clone();
+        let output = replay(&run, "guidance", &[&set[..], process].concat());
+        assert_eq!(output.code, Some(3), "{output:?}");
+        let first = output.json()["comparison"]["first"].clone();
         // The set-point leaves its start after 1 s in one run and after 1.5 s in the other: until then the samples are equal.
         let at = first["stamp_s"].as_f64().expect("a stamp");
         assert!((1.0..1.1).contains(&at), "{first}");
-        let fields = said.json()["comparison"]["fields"].clone();
+        let fields = output.json()["comparison"]["fields"].clone();
         let moved = fields
             .as_array()
             .expect("fields")
@@ -89,9 +102,9 @@ fn another_parameter_is_found_at_the_first_sample_that_it_changes() {
 }
 
 #[test]
-fn a_tape_cut_short_is_replayed_as_far_as_it_reaches() {
+fn truncated_tape_is_replayed_to_its_end() {
     let folder = Folder::new("replay-cut");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let run = recorded(&folder, &scenario, &[]);
     std::fs::remove_file(run.join("tape/seal.json")).unwrap();
     let cut = |stream: &str, length: u64| {
@@ -104,43 +117,43 @@ fn a_tape_cut_short_is_replayed_as_far_as_it_reaches() {
     // 5000 whole samples of the plant and a torn one: the last that exists is stamped 4.999 s. 300 samples of the damper.
     cut("plant.motion.bin", 24 * 5000 + 11);
     cut("damper.push.bin", 24 * 300);
-    let said = replay(&run, "damper", &[]);
-    assert_eq!(identical(&said), 300);
-    let notes = said.json()["notes"].to_string();
+    let output = replay(&run, "damper", &[]);
+    assert_eq!(identical(&output), 300);
+    let notes = output.json()["notes"].to_string();
     assert!(
         notes.contains("5000 samples of plant.motion") && notes.contains("t = 5 s"),
         "{notes}"
     );
     assert!(notes.contains("200 samples more than the tape"), "{notes}");
     cut("plant.motion.bin", 0);
-    let said = replay(&run, "damper", &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("0 samples of `plant.motion`"), "{said:?}");
+    let output = replay(&run, "damper", &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("0 samples of `plant.motion`"), "{output:?}");
 }
 
 #[test]
-fn a_crash_happens_again_where_it_happened() {
+fn crash_is_reproduced_at_the_same_time() {
     let folder = Folder::new("replay-crash");
-    let scenario = oscillator(&folder, "crash_at");
+    let scenario = write_oscillator(&folder, "crash_at");
     let run = recorded(&folder, &scenario, &[]);
-    let said = replay(&run, "damper", &[]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = replay(&run, "damper", &[]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     assert!(
-        said.err.contains("signal 6") && said.err.contains("t = 2 s"),
-        "{said:?}"
+        output.err.contains("signal 6") && output.err.contains("t = 2 s"),
+        "{output:?}"
     );
-    assert_eq!(said.json()["comparison"]["samples"], 200, "{said:?}");
+    assert_eq!(output.json()["comparison"]["samples"], 200, "{output:?}");
     // The healthy program in its place continues past the instant of the crash.
     let healthy = participant("damper");
-    let said = replay(&run, "damper", &["--exe", text(&healthy)]);
-    assert_eq!(identical(&said), 200);
+    let output = replay(&run, "damper", &["--exe", text(&healthy)]);
+    assert_eq!(identical(&output), 200);
     assert_eq!(processes_of(folder.path()), Vec::<String>::new(), "processes are left");
 }
 
 #[test]
-fn what_does_not_fit_is_refused_with_the_difference() {
+fn replay_that_does_not_fit_is_refused_with_the_difference() {
     let folder = Folder::new("replay-misfit");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let run = recorded(&folder, &scenario, &[]);
     let other = participant("wrong_descriptor");
     let oscillator = participant("oscillator");
@@ -168,34 +181,37 @@ fn what_does_not_fit_is_refused_with_the_difference() {
         ),
         (&run, "damper", &["--to", "0 s"], &["--to"]),
     ];
-    for (run, who, more, words) in cases {
-        let said = replay(run, who, more);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(words.iter().all(|word| said.err.contains(word)), "{words:?}: {said:?}");
+    for (run, participant_name, more, words) in cases {
+        let output = replay(run, participant_name, more);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(
+            words.iter().all(|word| output.err.contains(word)),
+            "{words:?}: {output:?}"
+        );
     }
 }
 
 #[test]
-fn a_replay_that_is_stopped_claims_nothing_beyond_its_last_sample() {
+fn stopped_replay_reports_only_the_compared_samples() {
     let folder = Folder::new("replay-stopped");
-    let run = recorded(&folder, &oscillator(&folder, "damper"), &[]);
+    let run = recorded(&folder, &write_oscillator(&folder, "damper"), &[]);
     // Without input the pause has no answer, and the replay is stopped there.
     let arguments = ["replay", text(&run), "-p", "damper", "--wait-for-debugger=1s"];
-    let said = orchestrate(&arguments);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = run_orchestrator(&arguments);
+    assert_eq!(output.code, Some(1), "{output:?}");
     assert!(
-        said.err.contains("stopped at t = 1 s") && said.out.contains("up to t = 0.99 s:"),
-        "{said:?}"
+        output.err.contains("stopped at t = 1 s") && output.out.contains("up to t = 0.99 s:"),
+        "{output:?}"
     );
-    assert!(said.out.contains("identical: 100 samples"), "{said:?}");
-    let said = orchestrate(&[&arguments[..], &["--json"]].concat());
-    assert_eq!(said.json()["to_s"], 0.99, "{said:?}");
+    assert!(output.out.contains("identical: 100 samples"), "{output:?}");
+    let output = run_orchestrator(&[&arguments[..], &["--json"]].concat());
+    assert_eq!(output.json()["to_s"], 0.99, "{output:?}");
 }
 
 #[test]
-fn a_debugger_has_time_before_the_first_step() {
+fn replay_waits_for_a_debugger_before_the_first_step() {
     let folder = Folder::new("replay-debugger");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let run = recorded(&folder, &scenario, &[]);
     let arguments = [
         "replay",
@@ -215,9 +231,9 @@ fn a_debugger_has_time_before_the_first_step() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let mut said = std::io::BufReader::new(child.stderr.take().unwrap());
+    let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
     let mut line = String::new();
-    std::io::BufRead::read_line(&mut said, &mut line).unwrap();
+    std::io::BufRead::read_line(&mut stderr, &mut line).unwrap();
     let pid = line
         .split("damper is process ")
         .nth(1)
@@ -227,9 +243,9 @@ fn a_debugger_has_time_before_the_first_step() {
     let exe = std::fs::read_link(format!("/proc/{pid}/exe")).unwrap();
     assert_eq!(exe.file_name(), participant("damper").file_name());
     child.stdin.as_mut().unwrap().write_all(b"\n").unwrap();
-    let said = finish(child);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert!(said.out.contains("identical: 100 samples"), "{said:?}");
+    let output = wait_for_output(child);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert!(output.out.contains("identical: 100 samples"), "{output:?}");
 }
 
 /// The part before a branch was recorded with another plan: if that affects the participant, the replay is rejected; otherwise it works
@@ -245,8 +261,8 @@ fn branch_is_replayed_where_its_own_plan_made_it() {
     );
     let branch = folder.path().join("branch");
     let resume = |from: &Path, out: &Path, more: &[&str]| {
-        let said = orchestrate(&[&["resume", text(from), "--out", text(out), "--quiet"], more].concat());
-        assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+        let output = run_orchestrator(&[&["resume", text(from), "--out", text(out), "--quiet"], more].concat());
+        assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
     };
     let change = [
         "--from",
@@ -255,14 +271,14 @@ fn branch_is_replayed_where_its_own_plan_made_it() {
         "participants.guidance.parameters.schedule.start=100 ms",
     ];
     resume(&run, &branch, &[&change[..], &["--checkpoint-at", "700 ms"]].concat());
-    let said = replay(&branch, "guidance", &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = replay(&branch, "guidance", &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in [
         "resumed with changes at t = 500 ms",
         "`guidance` differs",
         "replay the run from which this one was resumed",
     ] {
-        assert!(said.err.contains(part), "{said:?}");
+        assert!(output.err.contains(part), "{output:?}");
     }
     // The control law is the same throughout, and the inputs are on the tape.
     assert!(identical(&replay(&branch, "controller", &[])) > 0);
@@ -270,18 +286,18 @@ fn branch_is_replayed_where_its_own_plan_made_it() {
     let again = folder.path().join("again");
     resume(&branch, &again, &[]);
     assert_eq!(replay(&again, "guidance", &[]).code, Some(2));
-    let said = replay(
+    let output = replay(
         &branch,
         "guidance",
         &["--set", "participants.guidance.parameters.schedule.start=200 ms"],
     );
-    assert_eq!(said.code, Some(3), "{said:?}");
+    assert_eq!(output.code, Some(3), "{output:?}");
 }
 
 #[test]
-fn a_tape_with_a_part_of_what_is_needed_is_refused_by_name() {
+fn tape_that_lacks_needed_streams_is_refused_by_name() {
     let folder = Folder::new("replay-record");
-    for (who, what, does) in [
+    for (participant_name, what, does) in [
         ("controller", "record.plant.measured=false", "reads"),
         ("guidance", "record.guidance.setpoint={ every = \"100 ms\" }", "says"),
     ] {
@@ -290,10 +306,10 @@ fn a_tape_with_a_part_of_what_is_needed_is_refused_by_name() {
             &root().join("scenarios/close.toml"),
             &["--duration", "300 ms", "--force", "--in-process", "--set", what],
         );
-        let said = replay(&run, who, &[]);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = replay(&run, participant_name, &[]);
+        assert_eq!(output.code, Some(2), "{output:?}");
         for part in ["`record` leaves out samples of `", does, "record the stream whole"] {
-            assert!(said.err.contains(part), "{said:?}");
+            assert!(output.err.contains(part), "{output:?}");
         }
     }
 }
@@ -313,12 +329,12 @@ fn replay_without_a_sample_to_compare_is_no_success() {
             &root().join("scenarios/close.toml"),
             &["--duration", "100 ms", "--force", "--in-process", "--set", set],
         );
-        let said = replay(&run, "controller", &[]);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = replay(&run, "controller", &[]);
+        assert_eq!(output.code, Some(2), "{output:?}");
         let error = format!("error: nothing was compared: {reason}");
-        assert!(said.err.contains(&error), "{said:?}");
-        assert!(said.json()["comparison"].is_null(), "{said:?}");
-        let words = orchestrate(&["replay", text(&run), "--participant", "controller"]);
+        assert!(output.err.contains(&error), "{output:?}");
+        assert!(output.json()["comparison"].is_null(), "{output:?}");
+        let words = run_orchestrator(&["replay", text(&run), "--participant", "controller"]);
         assert!(!words.out.contains("identical"), "{words:?}");
     }
 }

@@ -3,15 +3,17 @@
 
 use std::path::Path;
 
-use escapement_tests::machine::{signal, wait_for_bytes, writer_of};
-use escapement_tests::program::{Folder, Said, finish, orchestrate, participant, root, start, text};
-use escapement_tests::samples::{PARTS, samples};
-use escapement_tests::world::{World, substitution};
+use escapement_tests::fixture::{RunFixture, substitution};
+use escapement_tests::machine::{send_signal, wait_for_bytes, writer_of};
+use escapement_tests::program::{
+    Folder, ProgramOutput, participant, root, run_orchestrator, start_orchestrator, text, wait_for_output,
+};
+use escapement_tests::samples::{PARTIAL_RECORD, samples};
 use rustix::process::Signal;
 use serde_json::Value;
 
 /// The oscillator with delays, a line between samples, stuck values, a guard and measures, most of which are not on the tape.
-fn leaky(name: &str, damper: &str, more: &str) -> World {
+fn fixture_with_selection(name: &str, damper: &str, more: &str) -> RunFixture {
     let tables = r#"
 [record]
 plant.motion = { every = "5 ms", from = "1 s", to = "8 s" }
@@ -53,8 +55,8 @@ input = "damper.motion"
 field = "velocity"
 kind = "stuck"
 "#;
-    let world = World::with(name, damper, &(tables.to_owned() + more));
-    let scenario = std::fs::read_to_string(&world.scenario).unwrap();
+    let fixture = RunFixture::with_appended(name, damper, &(tables.to_owned() + more));
+    let scenario = std::fs::read_to_string(&fixture.scenario).unwrap();
     let late = scenario
         .replace(
             "to = \"plant.push\"",
@@ -64,8 +66,8 @@ kind = "stuck"
             "to = \"damper.motion\"",
             "to = \"damper.motion\"\ndelay = \"47.3 ms\"\nhold = \"linear\"",
         );
-    std::fs::write(&world.scenario, late).unwrap();
-    world
+    std::fs::write(&fixture.scenario, late).unwrap();
+    fixture
 }
 
 /// Everything is recorded.
@@ -86,14 +88,14 @@ fn figures(run: &Path) -> Value {
 }
 
 /// Checks that both runs have the same tape and the same figures.
-fn same(a: &Path, b: &Path) {
-    let said = orchestrate(&["compare", text(a), text(b)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+fn assert_same_tape(a: &Path, b: &Path) {
+    let output = run_orchestrator(&["compare", text(a), text(b)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert_eq!(figures(a), figures(b), "{} and {}", a.display(), b.display());
 }
 
 /// Checks that the tape in `part` has the recorded part of the one in `whole`, and that the figures are the same.
-fn thinned(whole: &Path, part: &Path) {
+fn assert_selected_part(whole: &Path, part: &Path) {
     assert_eq!(figures(whole), figures(part), "{}", part.display());
     let (whole, part) = (samples(whole), samples(part));
     assert_eq!(part["plant.motion"].len(), 1401);
@@ -106,10 +108,10 @@ fn thinned(whole: &Path, part: &Path) {
 }
 
 #[test]
-fn resumed_without_the_rest_it_is_the_same_run() {
-    let world = leaky("recorded-resumed", "damper", "");
-    let path = |name: &str| world.path(name);
-    assert_eq!(world.run("plain", &[]).code, Some(0));
+fn resumed_run_with_selected_samples_is_the_same_run() {
+    let fixture = fixture_with_selection("recorded-resumed", "damper", "");
+    let path = |name: &str| fixture.path(name);
+    assert_eq!(fixture.run("plain", &[]).code, Some(0));
     let saves = [
         "--checkpoint-every",
         "2 s",
@@ -118,19 +120,19 @@ fn resumed_without_the_rest_it_is_the_same_run() {
         "--checkpoint-at",
         "3.777 s",
     ];
-    let said = world.run("saved", &saves);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    same(&path("plain"), &path("saved"));
-    assert_eq!(world.run("whole", &[&saves[..], &WHOLE].concat()).code, Some(0));
-    thinned(&path("whole"), &path("plain"));
+    let output = fixture.run("saved", &saves);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert_same_tape(&path("plain"), &path("saved"));
+    assert_eq!(fixture.run("whole", &[&saves[..], &WHOLE].concat()).code, Some(0));
+    assert_selected_part(&path("whole"), &path("plain"));
     for from in ["334 ms", "2 s", "3.777 s", "4 s", "8 s"] {
-        let said = world.resume("saved", from, &["--from", from, "--checkpoint-at", "9 s"]);
-        assert_eq!(said.code, Some(0), "{from}: {said:?}");
-        same(&path("plain"), &path(from));
+        let output = fixture.resume("saved", from, &["--from", from, "--checkpoint-at", "9 s"]);
+        assert_eq!(output.code, Some(0), "{from}: {output:?}");
+        assert_same_tape(&path("plain"), &path(from));
     }
-    let said = world.resume("334 ms", "again", &[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    same(&path("plain"), &path("again"));
+    let output = fixture.resume("334 ms", "again", &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert_same_tape(&path("plain"), &path("again"));
     // A run that continues from a complete tape may record less, and can be continued as well.
     let less = [
         "--set",
@@ -144,19 +146,19 @@ fn resumed_without_the_rest_it_is_the_same_run() {
         "--checkpoint-at",
         "5 s",
     ];
-    assert_eq!(world.resume("whole", "less", &less).code, Some(0));
-    assert_eq!(world.resume("less", "least", &[]).code, Some(0));
+    assert_eq!(fixture.resume("whole", "less", &less).code, Some(0));
+    assert_eq!(fixture.resume("less", "least", &[]).code, Some(0));
     for name in ["less", "least"] {
-        same(&path("plain"), &path(name));
+        assert_same_tape(&path("plain"), &path(name));
     }
 }
 
 #[test]
-fn branch_without_the_rest_is_the_branch_of_the_whole_run() {
-    let world = leaky("recorded-branch", "damper", "");
+fn branch_with_selected_samples_equals_that_of_the_whole_run() {
+    let fixture = fixture_with_selection("recorded-branch", "damper", "");
     for (name, more) in [("saved", &[][..]), ("whole", &WHOLE)] {
         assert_eq!(
-            world.run(name, &[&["--checkpoint-every", "2 s"], more].concat()).code,
+            fixture.run(name, &[&["--checkpoint-every", "2 s"], more].concat()).code,
             Some(0)
         );
     }
@@ -165,61 +167,61 @@ fn branch_without_the_rest_is_the_branch_of_the_whole_run() {
         ("4.321 s", "connections.motion.hold=last"),
     ] {
         for run in ["saved", "whole"] {
-            let said = world.resume(run, &format!("{run} {from}"), &["--from", from, "--set", change]);
-            assert_eq!(said.code, Some(0), "{run} {from}: {said:?}");
+            let output = fixture.resume(run, &format!("{run} {from}"), &["--from", from, "--set", change]);
+            assert_eq!(output.code, Some(0), "{run} {from}: {output:?}");
         }
-        thinned(
-            &world.path(&format!("whole {from}")),
-            &world.path(&format!("saved {from}")),
+        assert_selected_part(
+            &fixture.path(&format!("whole {from}")),
+            &fixture.path(&format!("saved {from}")),
         );
         assert_ne!(
-            figures(&world.path(&format!("saved {from}"))),
-            figures(&world.path("saved"))
+            figures(&fixture.path(&format!("saved {from}"))),
+            figures(&fixture.path("saved"))
         );
     }
     // Limits may change; a measure that would have needed samples which were not recorded cannot.
-    let refused = |change: &str, parts: &[&str]| {
-        let said = world.resume("saved", "no", &["--from", "4 s", "--set", change]);
-        assert_ne!(said.code, Some(0), "{change}: {said:?}");
+    let assert_refused = |change: &str, parts: &[&str]| {
+        let output = fixture.resume("saved", "no", &["--from", "4 s", "--set", change]);
+        assert_ne!(output.code, Some(0), "{change}: {output:?}");
         for part in parts {
-            assert!(said.err.contains(part), "{change}: `{part}` is not in {said:?}");
+            assert!(output.err.contains(part), "{change}: `{part}` is not in {output:?}");
         }
-        let _ = std::fs::remove_dir_all(world.path("no"));
+        let _ = std::fs::remove_dir_all(fixture.path("no"));
     };
-    refused(
+    assert_refused(
         "connections.motion.delay=1.0023 s",
         &["sample #", "of `plant.motion`", "[record]"],
     );
-    refused(
+    assert_refused(
         "measures.middle.percent=60",
         &["measure `middle` is new or was changed"],
     );
-    refused("guards.moves.frozen-for=2 s", &["guard `moves` is new or was changed"]);
-    refused(
+    assert_refused("guards.moves.frozen-for=2 s", &["guard `moves` is new or was changed"]);
+    assert_refused(
         "record.plant.motion={ every = '1 ms', from = '1 s', to = '8 s' }",
         &["keeps more of `plant.motion`"],
     );
-    let said = world.resume(
+    let output = fixture.resume(
         "saved",
         "limit",
         &["--from", "4 s", "--set", "measures.middle.at-most=5 m"],
     );
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert_eq!(figures(&world.path("limit")), figures(&world.path("saved")));
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert_eq!(figures(&fixture.path("limit")), figures(&fixture.path("saved")));
 }
 
 #[test]
-fn restarted_without_the_rest_it_is_the_same_run() {
-    let world = leaky("recorded-restart", "damper", "");
-    assert_eq!(world.run("plain", &[]).code, Some(0));
-    for who in ["damper", "plant"] {
+fn restarted_run_with_selected_samples_is_the_same_run() {
+    let fixture = fixture_with_selection("recorded-restart", "damper", "");
+    assert_eq!(fixture.run("plain", &[]).code, Some(0));
+    for participant_name in ["damper", "plant"] {
         let (out, policy) = (
-            world.path(who),
-            format!("participants.{who}.on-failure=restart-from-checkpoint"),
+            fixture.path(participant_name),
+            format!("participants.{participant_name}.on-failure=restart-from-checkpoint"),
         );
         let all = [
             "run",
-            text(&world.scenario),
+            text(&fixture.scenario),
             "--out",
             text(&out),
             "--real-time=8",
@@ -228,51 +230,53 @@ fn restarted_without_the_rest_it_is_the_same_run() {
             "--set",
             &policy,
         ];
-        let mut child = start(&all);
+        let mut child = start_orchestrator(&all);
         // At 4.5 s of 10, while values are stuck and are not on the tape.
         wait_for_bytes(&mut child, &out.join("tape/plant.motion.bin"), 24 * 700);
-        let pid = writer_of(&out.join("log").join(format!("{who}.stderr"))).expect("the participant runs");
-        assert!(signal(pid, Signal::KILL));
-        let said = finish(child);
-        assert_eq!(said.code, Some(0), "{said:?}");
-        same(&world.path("plain"), &out);
+        let pid = writer_of(&out.join("log").join(format!("{participant_name}.stderr"))).expect("the participant runs");
+        assert!(send_signal(pid, Signal::KILL));
+        let output = wait_for_output(child);
+        assert_eq!(output.code, Some(0), "{output:?}");
+        assert_same_tape(&fixture.path("plain"), &out);
         assert!(
-            world.events(who).contains("from the checkpoint at t = 3600 ms"),
+            fixture
+                .events(participant_name)
+                .contains("from the checkpoint at t = 3600 ms"),
             "{}",
-            world.events(who)
+            fixture.events(participant_name)
         );
     }
 }
 
 #[test]
-fn substituted_without_the_rest_it_is_the_same_run() {
+fn substituted_run_with_selected_samples_is_the_same_run() {
     let keep = substitution("2 s", "damper", "keep") + &substitution("4.005 s", "damper", "keep");
-    let world = leaky("recorded-kept", "damper", &keep);
-    assert_eq!(world.run("run", &["--checkpoint-every", "3 s"]).code, Some(0));
-    let other = leaky("recorded-plain", "damper", "");
+    let fixture = fixture_with_selection("recorded-kept", "damper", &keep);
+    assert_eq!(fixture.run("run", &["--checkpoint-every", "3 s"]).code, Some(0));
+    let other = fixture_with_selection("recorded-plain", "damper", "");
     assert_eq!(other.run("plain", &[]).code, Some(0));
-    same(&other.path("plain"), &world.path("run"));
-    assert_eq!(world.resume("run", "resumed", &["--from", "3 s"]).code, Some(0));
-    same(&other.path("plain"), &world.path("resumed"));
+    assert_same_tape(&other.path("plain"), &fixture.path("run"));
+    assert_eq!(fixture.resume("run", "resumed", &["--from", "3 s"]).code, Some(0));
+    assert_same_tape(&other.path("plain"), &fixture.path("resumed"));
     // Restarted from the beginning after a failure, the run equals the one that records everything.
-    let world = leaky("recorded-crash", "crash_at", "");
+    let fixture = fixture_with_selection("recorded-crash", "crash_at", "");
     let good = participant("damper").display().to_string();
     let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");
     for (name, more) in [("part", &[][..]), ("whole", &WHOLE)] {
-        let said = world.run(name, &[&["--set", &policy], more].concat());
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = fixture.run(name, &[&["--set", &policy], more].concat());
+        assert_eq!(output.code, Some(0), "{output:?}");
         assert!(
-            world.events(name).contains("takes over at activation 200"),
+            fixture.events(name).contains("takes over at activation 200"),
             "{}",
-            world.events(name)
+            fixture.events(name)
         );
     }
-    thinned(&world.path("whole"), &world.path("part"));
+    assert_selected_part(&fixture.path("whole"), &fixture.path("part"));
 }
 
 /// Two masses of the stock program, of which nothing and a window are recorded, respectively; and a capture, with its own figures.
 #[test]
-fn builtins_are_taken_up_without_the_rest_in_both_ways() {
+fn builtins_with_selected_samples_are_resumed_in_both_ways() {
     let folder = Folder::new("recorded-builtins");
     let stock = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
     let more = "\n[record]\nleft = false\nright.motion = { every = \"50 ms\", to = \"2 s\" }\n\n\
@@ -285,20 +289,20 @@ fn builtins_are_taken_up_without_the_rest_in_both_ways() {
         (
             "close",
             &close,
-            &[&["--duration", "1 s"], &PARTS[..]].concat(),
+            &[&["--duration", "1 s"], &PARTIAL_RECORD[..]].concat(),
             "peak_base_torque_n_m",
         ),
     ] {
         let out = |way: &str| folder.path().join(format!("{name}-{way}"));
-        let told = |said: Said| {
-            assert!(matches!(said.code, Some(0 | 3)), "{name}: {said:?}");
-            let all = said.json();
+        let results_of = |output: ProgramOutput| {
+            assert!(matches!(output.code, Some(0 | 3)), "{name}: {output:?}");
+            let all = output.json();
             assert!(!all[figure].is_null(), "{all}");
             (all["tape_digest"].clone(), all[figure].clone())
         };
         let run = |way: &str, more: &[&str]| {
             let out = out(way);
-            told(orchestrate(
+            results_of(run_orchestrator(
                 &[&["run", text(scenario), "--json", "--out", text(&out)], set, more].concat(),
             ))
         };
@@ -307,14 +311,14 @@ fn builtins_are_taken_up_without_the_rest_in_both_ways() {
         assert_eq!(run("processes", &["--checkpoint-every", "700 ms"]), plain);
         for (from, to, how) in [("inside", "b", &[][..]), ("processes", "a", &["--in-process"])] {
             let (from, to) = (out(from), out(to));
-            let resumed = orchestrate(
+            let resumed = run_orchestrator(
                 &[
                     &["resume", text(&from), "--json", "--out", text(&to), "--from", "1 s"],
                     how,
                 ]
                 .concat(),
             );
-            assert_eq!(told(resumed), plain, "{name} from {}", from.display());
+            assert_eq!(results_of(resumed), plain, "{name} from {}", from.display());
         }
     }
 }

@@ -3,16 +3,16 @@
 use std::process::Command;
 use std::sync::OnceLock;
 
-use escapement_tests::compiler::{Workshop, checks, must};
+use escapement_tests::compiler::{NativeBuild, run_checked, syntax_check};
 use escapement_tests::program::{Folder, root};
 
-fn workshop() -> &'static Workshop {
-    static WORKSHOP: OnceLock<Workshop> = OnceLock::new();
-    WORKSHOP.get_or_init(|| Workshop::open("callers"))
+fn native_build() -> &'static NativeBuild {
+    static NATIVE_BUILD: OnceLock<NativeBuild> = OnceLock::new();
+    NATIVE_BUILD.get_or_init(|| NativeBuild::new("callers"))
 }
 
 /// The mass of the example, computed by the test: position after 2 s, and the farthest one.
-fn shaken() -> (f64, f64) {
+fn expected_motion() -> (f64, f64) {
     let (mut position, mut velocity, mut farthest) = (0.02_f64, 0.0, 0.02_f64);
     for step in 0..2000 {
         let neighbour = 0.002 * f64::from(step / 10 % 50);
@@ -26,14 +26,14 @@ fn shaken() -> (f64, f64) {
 
 #[test]
 fn program_in_c_drives_a_run_and_goes_back() {
-    let program = workshop().caller("examples/c/drive.c", "drive");
-    let said = must(Command::new(program).arg(root().join("examples/c/drive.toml")));
-    let lines: Vec<&str> = said.lines().collect();
-    assert_eq!(lines.len(), 4, "{said}");
+    let program = native_build().caller("examples/c/drive.c", "drive");
+    let output = run_checked(Command::new(program).arg(root().join("examples/c/drive.toml")));
+    let lines: Vec<&str> = output.lines().collect();
+    assert_eq!(lines.len(), 4, "{output}");
     assert_eq!(
         (lines[0], lines[1]),
         (lines[2], lines[3]),
-        "the second run went back: {said}"
+        "the second run went back: {output}"
     );
     let number = |line: &str, before: &str| {
         let (_, rest) = line
@@ -42,21 +42,21 @@ fn program_in_c_drives_a_run_and_goes_back() {
         let end = rest.find(" m").expect("a unit");
         rest[..end].parse::<f64>().expect("a number")
     };
-    let (position, farthest) = shaken();
+    let (position, farthest) = expected_motion();
     assert_eq!(number(lines[0], "position "), position);
     assert_eq!(number(lines[1], "farthest "), farthest);
-    assert!(lines[0].starts_with("t = 2 s"), "{said}");
-    let program = workshop().caller("examples/cpp/drive.cpp", "drive-cpp");
-    let also = must(Command::new(program).arg(root().join("examples/c/drive.toml")));
+    assert!(lines[0].starts_with("t = 2 s"), "{output}");
+    let program = native_build().caller("examples/cpp/drive.cpp", "drive-cpp");
+    let also = run_checked(Command::new(program).arg(root().join("examples/c/drive.toml")));
     assert_eq!(also.lines().collect::<Vec<_>>(), lines[..2], "in C++");
-    assert!(lines[1].contains("complete 1"), "{said}");
+    assert!(lines[1].contains("complete 1"), "{output}");
 }
 
 #[test]
 fn misuse_by_a_caller_is_refused_with_the_reason() {
-    let program = workshop().caller("tests/plugins/caller.c", "caller");
+    let program = native_build().caller("tests/plugins/caller.c", "caller");
     let folder = Folder::new("caller");
-    let said = must(
+    let output = run_checked(
         Command::new(program)
             .current_dir(folder.path())
             .arg(root().join("examples/c/drive.toml")),
@@ -94,13 +94,13 @@ fn misuse_by_a_caller_is_refused_with_the_reason() {
         "after the end: there is no run any more",
         "25 refused",
     ] {
-        assert!(said.contains(expected), "no `{expected}` in:\n{said}");
+        assert!(output.contains(expected), "no `{expected}` in:\n{output}");
     }
-    assert!(!said.contains("TAKEN"), "{said}");
+    assert!(!output.contains("TAKEN"), "{output}");
 }
 
 #[test]
-fn header_of_runs_says_what_the_library_does() {
+fn run_header_agrees_with_the_library() {
     use std::mem::offset_of;
 
     use run_c::{Options, Outcome, Sample};
@@ -125,7 +125,7 @@ fn header_of_runs_says_what_the_library_does() {
         asserts.collect::<String>()
     );
     let source = folder.write("layout.c", &text);
-    let include = workshop().path("prefix/include");
+    let include = native_build().path("prefix/include");
     for (compiler, standard) in [("cc", "-std=c11"), ("c++", "-std=c++17")] {
         // In C++ the header alone is used.
         let source = if compiler == "cc" {
@@ -133,6 +133,6 @@ fn header_of_runs_says_what_the_library_does() {
         } else {
             folder.write("layout.cpp", "#include <escapement-run.h>\n")
         };
-        must(checks(compiler, standard, &include).arg(source));
+        run_checked(syntax_check(compiler, standard, &include).arg(source));
     }
 }

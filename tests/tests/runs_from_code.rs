@@ -1,4 +1,4 @@
-//! Runs driven from code: the same tape however they are executed and however often they are paused; inputs that are set; futures that
+//! Runs driven from code: the same tape however they are executed and however often they are paused; inputs that are set; branches that
 //! are tried and discarded.
 
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use engine::Catalogue;
 use engine::run::{Checkpoint, Ending, Options, Outcome, Record, Run, RunFailure};
 use engine::scenario::{Program, Scenario};
-use escapement_tests::parts::{Damper, Motion, Oscillator, Push, inside};
+use escapement_tests::participants::{Damper, Motion, Oscillator, Push, in_process_options};
 use escapement_tests::program::{Folder, participant};
 use lockstep::participant::Factory;
 use lockstep::time::Rational;
@@ -46,7 +46,7 @@ fn into_folder(folder: &Folder, name: &str, in_process: bool) -> Options {
 }
 
 /// The digest and the last position of a run that reached its end.
-fn ended(run: Run) -> (String, Outcome) {
+fn finish_run(run: Run) -> (String, Outcome) {
     let outcome = run.end().expect("a summary");
     assert_eq!(outcome.ending, Ending::Complete);
     (outcome.digest.expect("a digest").to_string(), outcome)
@@ -57,21 +57,21 @@ fn position(run: &Run) -> f64 {
 }
 
 /// All kinds of record, in one process and in processes.
-fn ways(folder: &Folder, name: &str) -> Vec<(bool, Options)> {
+fn record_options(folder: &Folder, name: &str) -> Vec<(bool, Options)> {
     vec![
-        (false, inside(Record::Memory)),
+        (false, in_process_options(Record::Memory)),
         (false, into_folder(folder, &format!("{name}-inside"), true)),
         (true, into_folder(folder, &format!("{name}-processes"), false)),
     ]
 }
 
 #[test]
-fn rests_and_steps_leave_no_trace_on_the_tape() {
-    let _alone = alone();
+fn pauses_and_steps_do_not_change_the_tape() {
+    let _alone = lock_processes();
     let folder = Folder::new("rests");
-    let whole = engine::run::run(&scenario(false, true, ""), &inside(Record::Digest)).unwrap();
+    let whole = engine::run::run(&scenario(false, true, ""), &in_process_options(Record::Digest)).unwrap();
     let whole = whole.digest.expect("a digest").to_string();
-    for (processes, options) in ways(&folder, "rests") {
+    for (processes, options) in record_options(&folder, "rests") {
         let mut run = Run::start(&scenario(processes, true, ""), &options).unwrap();
         assert_eq!((run.now(), position(&run)), (Rational::ZERO, 1.0));
         for _ in 0..3 {
@@ -87,17 +87,17 @@ fn rests_and_steps_leave_no_trace_on_the_tape() {
         );
         run.run_to("2 s").unwrap();
         assert!(run.is_over());
-        assert_eq!(ended(run).0, whole, "processes: {processes}");
+        assert_eq!(finish_run(run).0, whole, "processes: {processes}");
     }
     assert_eq!(children(), 0);
 }
 
 #[test]
-fn loop_that_is_closed_from_code_is_the_same_everywhere_and_is_repeated() {
-    let _alone = alone();
+fn loop_closed_from_code_is_reproducible_in_every_way() {
+    let _alone = lock_processes();
     let folder = Folder::new("closed");
     let mut tapes = Vec::new();
-    for (processes, options) in ways(&folder, "closed") {
+    for (processes, options) in record_options(&folder, "closed") {
         let mut run = Run::start(&scenario(processes, false, ""), &options).unwrap();
         for k in 1..=8 {
             let motion: Motion = run.newest("plant.motion").unwrap().get().unwrap();
@@ -111,11 +111,11 @@ fn loop_that_is_closed_from_code_is_the_same_everywhere_and_is_repeated() {
             run.run_to(Rational::from_millis(200 * k as i64)).unwrap();
         }
         run.run_to("2 s").unwrap();
-        tapes.push(ended(run).0);
+        tapes.push(finish_run(run).0);
     }
     assert_eq!(tapes[0], tapes[1]);
     assert_eq!(tapes[1], tapes[2], "in processes");
-    let idle = engine::run::run(&scenario(false, false, ""), &inside(Record::Digest)).unwrap();
+    let idle = engine::run::run(&scenario(false, false, ""), &in_process_options(Record::Digest)).unwrap();
     assert_ne!(
         idle.digest.expect("a digest").to_string(),
         tapes[0],
@@ -142,12 +142,12 @@ fn loop_that_is_closed_from_code_is_the_same_everywhere_and_is_repeated() {
 }
 
 #[test]
-fn future_that_was_left_is_not_on_the_tape() {
-    let _alone = alone();
+fn abandoned_branch_is_not_on_the_tape() {
+    let _alone = lock_processes();
     let folder = Folder::new("futures");
     let push = |force: f64| Push { force, count: 0 };
     let mut tapes = Vec::new();
-    for (processes, options) in ways(&folder, "futures") {
+    for (processes, options) in record_options(&folder, "futures") {
         let mut run = Run::start(&scenario(processes, false, ""), &options).unwrap();
         run.set("plant.push", &push(0.25)).unwrap();
         run.run_to("0.5 s").unwrap();
@@ -169,20 +169,20 @@ fn future_that_was_left_is_not_on_the_tape() {
         assert!(left.to_string().contains("left behind"), "{left}");
         run.run_to("2 s").unwrap();
         assert_ne!(position(&run), strong);
-        tapes.push(ended(run).0);
+        tapes.push(finish_run(run).0);
     }
-    let mut plain = Run::start(&scenario(false, false, ""), &inside(Record::Memory)).unwrap();
+    let mut plain = Run::start(&scenario(false, false, ""), &in_process_options(Record::Memory)).unwrap();
     plain.set("plant.push", &push(0.25)).unwrap();
     plain.run_to("2 s").unwrap();
-    let plain = ended(plain).0;
+    let plain = finish_run(plain).0;
     assert_eq!(tapes, [plain.clone(), plain.clone(), plain]);
     let events = std::fs::read_to_string(folder.path().join("futures-processes/tape/events.jsonl")).unwrap();
     assert_eq!(events.lines().count(), 1, "{events}");
 }
 
 #[test]
-fn two_runs_at_once_do_not_meet_and_a_dropped_one_leaves_nothing() {
-    let _alone = alone();
+fn simultaneous_runs_are_isolated_and_clean_up_on_drop() {
+    let _alone = lock_processes();
     let folder = Folder::new("two");
     let mut one = Run::start(&scenario(true, true, ""), &into_folder(&folder, "one", false)).unwrap();
     let own = address();
@@ -194,15 +194,15 @@ fn two_runs_at_once_do_not_meet_and_a_dropped_one_leaves_nothing() {
     assert_eq!(shared_memory(&own), Vec::<String>::new());
     assert_eq!(children(), 2);
     two.run_to("2 s").unwrap();
-    let (digest, outcome) = ended(two);
-    let whole = engine::run::run(&scenario(false, true, ""), &inside(Record::Digest)).unwrap();
+    let (digest, outcome) = finish_run(two);
+    let whole = engine::run::run(&scenario(false, true, ""), &in_process_options(Record::Digest)).unwrap();
     assert_eq!(Some(digest), whole.digest.map(|digest| digest.to_string()));
     assert!(outcome.folder.expect("a folder").join("summary.json").is_file());
     assert_eq!(children(), 0);
 }
 
 /// Only one test of this file at a time has processes.
-fn alone() -> MutexGuard<'static, ()> {
+fn lock_processes() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -214,11 +214,11 @@ fn shared_memory(address: &str) -> Vec<String> {
     names.filter(|name| name.contains(address)).collect()
 }
 
-/// What the names in shared memory of the run of a child process have in common, as the child was told.
+/// The common part of the names in shared memory of the run of a child process, from the environment of the child.
 fn address() -> String {
-    let told = statuses().find_map(|(process, _)| std::fs::read_to_string(process.join("environ")).ok());
-    let told = told.expect("a child process");
-    let run = told
+    let environment = statuses().find_map(|(process, _)| std::fs::read_to_string(process.join("environ")).ok());
+    let environment = environment.expect("a child process");
+    let run = environment
         .split('\0')
         .find_map(|variable| variable.strip_prefix("ESCAPEMENT_RUN="));
     let prefix = run.and_then(|run| run.split('@').next()).expect("a run");
@@ -240,10 +240,10 @@ fn children() -> usize {
 }
 
 #[test]
-fn what_code_asks_wrongly_is_refused_by_name() {
+fn invalid_request_from_code_is_refused_by_name() {
     let refusal = |failure: RunFailure| failure.to_string();
     let damped = scenario(false, true, "");
-    let mut run = Run::start(&damped, &inside(Record::Memory)).unwrap();
+    let mut run = Run::start(&damped, &in_process_options(Record::Memory)).unwrap();
     let push = Push { force: 1.0, count: 1 };
     let cases = [
         (run.set("plant.push", &push), "damper.push"),
@@ -260,32 +260,32 @@ fn what_code_asks_wrongly_is_refused_by_name() {
         (run.run_to("soon"), "not a time"),
     ];
     for (result, part) in cases {
-        let said = refusal(result.unwrap_err());
-        assert!(said.contains(part), "{part}: {said}");
+        let message = refusal(result.unwrap_err());
+        assert!(message.contains(part), "{part}: {message}");
     }
     run.run_to("1 s").unwrap();
-    let said = refusal(run.run_to("0.5 s").unwrap_err());
-    assert!(said.contains("has passed"), "{said}");
+    let message = refusal(run.run_to("0.5 s").unwrap_err());
+    assert!(message.contains("has passed"), "{message}");
     let outcome = run.end().unwrap();
     assert!(matches!(outcome.ending, Ending::Stopped { .. }) && outcome.simulated_s >= 1.0);
 
     let open = scenario(false, false, "");
-    let mut run = Run::start(&open, &inside(Record::Digest)).unwrap();
-    let said = refusal(run.set_fields("plant.push", &[("force", &[f64::NAN])]).unwrap_err());
-    assert!(said.contains("finite"), "{said}");
-    let said = refusal(run.save().unwrap_err());
-    assert!(said.contains("Record::Memory"), "{said}");
+    let mut run = Run::start(&open, &in_process_options(Record::Digest)).unwrap();
+    let message = refusal(run.set_fields("plant.push", &[("force", &[f64::NAN])]).unwrap_err());
+    assert!(message.contains("finite"), "{message}");
+    let message = refusal(run.save().unwrap_err());
+    assert!(message.contains("Record::Memory"), "{message}");
     let options = Options {
         record: Record::Digest,
         ..Options::default()
     };
-    let said = refusal(Run::start(&open, &options).err().expect("refused"));
-    assert!(said.contains("Record::Folder"), "{said}");
+    let message = refusal(Run::start(&open, &options).err().expect("refused"));
+    assert!(message.contains("Record::Folder"), "{message}");
 }
 
 #[test]
-fn participant_that_fails_ends_the_run_and_the_handle_says_how() {
-    let _alone = alone();
+fn participant_failure_ends_the_run_and_is_in_the_handle() {
+    let _alone = lock_processes();
     let folder = Folder::new("fails");
     let text = |run: &str| {
         format!(
@@ -299,8 +299,11 @@ fn participant_that_fails_ends_the_run_and_the_handle_says_how() {
     let text = text(&participant("crash_at").display().to_string());
     let scenario = Scenario::read_text(&catalogue, Path::new("fails.toml"), &text).unwrap();
     let mut run = Run::start(&scenario, &into_folder(&folder, "run", false)).unwrap();
-    let said = run.run_to("10 s").unwrap_err().to_string();
-    assert!(said.contains("the run is over") && said.contains("damper"), "{said}");
+    let output = run.run_to("10 s").unwrap_err().to_string();
+    assert!(
+        output.contains("the run is over") && output.contains("damper"),
+        "{output}"
+    );
     assert!(run.is_over());
     let outcome = run.end().unwrap();
     assert!(matches!(&outcome.ending, Ending::Failed { participant, .. } if participant == "damper"));
@@ -309,7 +312,7 @@ fn participant_that_fails_ends_the_run_and_the_handle_says_how() {
 
 #[test]
 fn programs_that_a_catalogue_knows_run_in_this_process() {
-    let _alone = alone();
+    let _alone = lock_processes();
     let known = participant("oscillator");
     let text = format!(
         "duration = \"1 s\"\ninputs = [\"plant.push\"]\n[participants.plant]\nrun = {{ exe = \"{}\" }}\nperiod = \"1 ms\"\n",
@@ -321,9 +324,9 @@ fn programs_that_a_catalogue_knows_run_in_this_process() {
     let within =
         move |program: &Program| (program.file() == Some(&*file)).then(|| -> Factory { Arc::new(Oscillator::factory) });
     let here = read(Catalogue::new("tests").within(within));
-    let outcome = engine::run::run(&here, &inside(Record::Digest)).unwrap();
+    let outcome = engine::run::run(&here, &in_process_options(Record::Digest)).unwrap();
     // Without `within` the program stays a separate one, and also with it if every participant has a process.
-    let refused = engine::run::run(&read(Catalogue::new("tests")), &inside(Record::Digest))
+    let refused = engine::run::run(&read(Catalogue::new("tests")), &in_process_options(Record::Digest))
         .err()
         .unwrap();
     assert!(

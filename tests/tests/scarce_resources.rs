@@ -3,14 +3,16 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use escapement_tests::machine::{signal, wait_for_bytes, writer_of};
-use escapement_tests::program::{Folder, Said, copy_program, finish, orchestrator, participant, root, text};
-use escapement_tests::world::{World, oscillator};
+use escapement_tests::fixture::{RunFixture, write_oscillator};
+use escapement_tests::machine::{send_signal, wait_for_bytes, writer_of};
+use escapement_tests::program::{
+    Folder, ProgramOutput, copy_program, orchestrator, participant, root, text, wait_for_output,
+};
 use rustix::process::Signal;
 
 /// Runs `script` with a private shared memory of `size`; `$1` is the program, `$2` the folder. `None` where the system does not allow
 /// that.
-fn in_little_memory(size: &str, folder: &Folder, script: &str) -> Option<Said> {
+fn run_with_small_shared_memory(size: &str, folder: &Folder, script: &str) -> Option<ProgramOutput> {
     // Without privileges a user namespace is needed first.
     let flags = ["-m", "-rm"].into_iter().find(|flags| {
         let mount = "mount -t tmpfs none /dev/shm";
@@ -40,13 +42,13 @@ fn in_little_memory(size: &str, folder: &Folder, script: &str) -> Option<Said> {
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
-    let said = finish(command.spawn().expect("unshare can be started"));
-    assert_ne!(said.code, Some(99), "{said:?}");
-    Some(said)
+    let output = wait_for_output(command.spawn().expect("unshare can be started"));
+    assert_ne!(output.code, Some(99), "{output:?}");
+    Some(output)
 }
 
 /// A ring of `count` relays for a short time.
-fn ring(folder: &Folder, count: usize) {
+fn write_ring(folder: &Folder, count: usize) {
     let mut text = String::from("duration = \"50 ms\"\n");
     for number in 0..count {
         let kind = if number == 0 { "continuous" } else { "sampled" };
@@ -62,19 +64,19 @@ fn ring(folder: &Folder, count: usize) {
 #[test]
 fn too_little_shared_memory_is_refused_with_the_remedy() {
     let folder = Folder::new("little");
-    ring(&folder, 40);
+    write_ring(&folder, 40);
     let script = "\"$1\" run \"$2/s.toml\" --out \"$2/run\"; code=$?; ls -A /dev/shm >\"$2/left\"; exit $code";
-    let Some(said) = in_little_memory("4m", &folder, script) else {
+    let Some(output) = run_with_small_shared_memory("4m", &folder, script) else {
         return;
     };
-    assert_eq!(said.code, Some(1), "{said:?}");
+    assert_eq!(output.code, Some(1), "{output:?}");
     for part in [
         "40 participants with 40 links need",
         "in /dev/shm",
         "are free",
         "docker run --shm-size=",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in: {said:?}");
+        assert!(output.err.contains(part), "`{part}` is not in: {output:?}");
     }
     assert!(!folder.path().join("run").exists(), "nothing was to start");
     assert_eq!(
@@ -84,27 +86,27 @@ fn too_little_shared_memory_is_refused_with_the_remedy() {
 }
 
 #[test]
-fn shared_memory_that_cannot_be_used_is_named_by_doctor_and_by_a_run() {
+fn unusable_shared_memory_is_named_by_doctor_and_by_a_run() {
     let folder = Folder::new("read-only");
-    ring(&folder, 2);
+    write_ring(&folder, 2);
     let script = "mount -o remount,ro /dev/shm || exit 99\n\
                   \"$1\" doctor; \"$1\" doctor --json >\"$2/doctor.json\"; \"$1\" run \"$2/s.toml\" --out \"$2/run\"";
-    let Some(said) = in_little_memory("64k", &folder, script) else {
+    let Some(output) = run_with_small_shared_memory("64k", &folder, script) else {
         return;
     };
-    assert_eq!(said.code, Some(1), "{said:?}");
-    let told = ["/dev/shm is mounted read-only", "remount,rw", "--in-process"];
-    for part in told {
-        assert!(said.out.contains(part), "doctor: `{part}` is not in: {said:?}");
-        assert!(said.err.contains(part), "run: `{part}` is not in: {said:?}");
+    assert_eq!(output.code, Some(1), "{output:?}");
+    let expected = ["/dev/shm is mounted read-only", "remount,rw", "--in-process"];
+    for part in expected {
+        assert!(output.out.contains(part), "doctor: `{part}` is not in: {output:?}");
+        assert!(output.err.contains(part), "run: `{part}` is not in: {output:?}");
     }
-    assert!(said.out.contains("warning: shared memory"), "{said:?}");
+    assert!(output.out.contains("warning: shared memory"), "{output:?}");
     let json = std::fs::read_to_string(folder.path().join("doctor.json")).expect("doctor prints JSON");
     let json: serde_json::Value = serde_json::from_str(&json).expect("it is JSON");
     let complaint = json["shared_memory_complaint"].as_str().unwrap_or_default();
     assert!(complaint.contains("read-only"), "{json}");
     assert!(!folder.path().join("run").exists(), "nothing was to start");
-    let small = in_little_memory("64k", &folder, "\"$1\" doctor").expect("it was possible before");
+    let small = run_with_small_shared_memory("64k", &folder, "\"$1\" doctor").expect("it was possible before");
     for part in [
         "warning: shared memory is too small",
         "are free",
@@ -117,14 +119,14 @@ fn shared_memory_that_cannot_be_used_is_named_by_doctor_and_by_a_run() {
 #[test]
 fn rings_shrink_where_shared_memory_is_small() {
     let folder = Folder::new("shrunk");
-    ring(&folder, 24);
+    write_ring(&folder, 24);
     // A longer run, in which each participant would need a mebibyte.
     let script = "\"$1\" run \"$2/s.toml\" --duration \"300 ms\" --quiet --out \"$2/run\"; code=$?; \
                   ls -A /dev/shm >\"$2/left\"; exit $code";
-    let Some(said) = in_little_memory("8m", &folder, script) else {
+    let Some(output) = run_with_small_shared_memory("8m", &folder, script) else {
         return;
     };
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert_eq!(
         std::fs::read_to_string(folder.path().join("left")).ok().as_deref(),
         Some("")
@@ -134,7 +136,7 @@ fn rings_shrink_where_shared_memory_is_small() {
 #[test]
 fn shared_memory_that_is_filled_in_mid_run_ends_it_in_order() {
     let folder = Folder::new("filled");
-    oscillator(&folder, "damper");
+    write_oscillator(&folder, "damper");
     // The damper is the first of the two in alphabetical order, and is to be restarted.
     let script = r#"
         "$1" run "$2/oscillator.toml" --out "$2/run" --real-time=5 --checkpoint-every "500 ms" --quiet \
@@ -153,15 +155,15 @@ fn shared_memory_that_is_filled_in_mid_run_ends_it_in_order() {
         ls -A /dev/shm >"$2/left"
         exit $code
     "#;
-    let Some(said) = in_little_memory("16m", &folder, script) else {
+    let Some(output) = run_with_small_shared_memory("16m", &folder, script) else {
         return;
     };
-    assert_eq!(said.code, Some(1), "{said:?}");
+    assert_eq!(output.code, Some(1), "{output:?}");
     assert!(
-        said.err.contains("shared memory") && said.err.contains("/dev/shm"),
-        "{said:?}"
+        output.err.contains("shared memory") && output.err.contains("/dev/shm"),
+        "{output:?}"
     );
-    assert!(folder.path().join("run/summary.json").exists(), "{said:?}");
+    assert!(folder.path().join("run/summary.json").exists(), "{output:?}");
     let sound = tape::Reader::open(&folder.path().join("run/tape"));
     assert!(sound.is_ok(), "{:?}", sound.err());
     assert_eq!(
@@ -171,27 +173,30 @@ fn shared_memory_that_is_filled_in_mid_run_ends_it_in_order() {
 }
 
 #[test]
-fn a_program_that_takes_long_to_start_is_given_its_time() {
-    let world = World::new("tardy", "damper");
-    let exe = participant("tardy").display().to_string();
-    let tardy = format!("participants.damper.run={{ exe = '{exe}', args = ['2'] }}");
+fn program_that_starts_slowly_is_waited_for() {
+    let fixture = RunFixture::new("slow_start", "damper");
+    let exe = participant("slow_start").display().to_string();
+    let slow_start = format!("participants.damper.run={{ exe = '{exe}', args = ['2'] }}");
     let within = "participants.damper.start-within=1s";
-    let said = world.run("late", &["--set", &tardy, "--set", within]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = fixture.run("late", &["--set", &slow_start, "--set", within]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     for part in [
         "`damper`",
         "did not enter the run within 1 s of its start",
         "start-within",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in: {said:?}");
+        assert!(output.err.contains(part), "`{part}` is not in: {output:?}");
     }
     // The command line takes precedence.
-    let said = world.run("run", &["--set", &tardy, "--set", within, "--start-within", "60 s"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    world.same_as_undisturbed("run");
-    let said = world.run("never", &["--set", "participants.damper.start-within=0s"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("participants.damper.start-within"), "{said:?}");
+    let output = fixture.run(
+        "run",
+        &["--set", &slow_start, "--set", within, "--start-within", "60 s"],
+    );
+    assert_eq!(output.code, Some(0), "{output:?}");
+    fixture.assert_same_as_undisturbed("run");
+    let output = fixture.run("never", &["--set", "participants.damper.start-within=0s"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("participants.damper.start-within"), "{output:?}");
 }
 
 /// A copy of the program in `folder`, so that another one can take its name.
@@ -202,7 +207,7 @@ fn copy(folder: &Path) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_builtin_is_restarted_after_its_program_was_built_anew() {
+fn builtin_is_restarted_after_its_program_was_rebuilt() {
     let folder = Folder::new("rebuilt");
     let (program, out) = (copy(folder.path()), folder.path().join("run"));
     let mut command = Command::new(&program);
@@ -228,10 +233,10 @@ fn a_builtin_is_restarted_after_its_program_was_built_anew() {
     std::fs::remove_file(&program).expect("the copy is there");
     std::fs::write(&program, "not a program").expect("the folder can be written");
     let controller = writer_of(&out.join("log/controller.stderr")).expect("the controller runs");
-    assert!(signal(controller, Signal::KILL));
-    let said = finish(run);
+    assert!(send_signal(controller, Signal::KILL));
+    let output = wait_for_output(run);
     // Too short for a capture.
-    assert_eq!(said.code, Some(3), "{said:?}");
+    assert_eq!(output.code, Some(3), "{output:?}");
     let events = std::fs::read_to_string(out.join("tape/events.jsonl")).expect("a tape has events");
     assert!(events.contains("\"restart\""), "{events}");
 }

@@ -1,6 +1,6 @@
 //! `[scene]`: mistakes are rejected before anything runs; the playback is in the page of any run.
 
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 
 const SCENARIO: &str = r##"title = "Two springs that are drawn"
 duration = "2 s"
@@ -39,7 +39,7 @@ shape = [{ sphere = "3 cm" }, { urdf = { file = "flag.urdf" } }, { path = "1 s" 
 
 const FLAG: &str = r#"<robot name="flag"><link name="pole"><visual><geometry><box size="0.01 0.01 0.2"/></geometry></visual></link></robot>"#;
 
-fn written(folder: &Folder, name: &str, scenario: &str) -> String {
+fn write_scenario(folder: &Folder, name: &str, scenario: &str) -> String {
     folder.write("flag.urdf", FLAG);
     let spring = escapement_tests::program::spring();
     let path = folder.write(name, &scenario.replace("SPRING", text(&spring)));
@@ -47,11 +47,11 @@ fn written(folder: &Folder, name: &str, scenario: &str) -> String {
 }
 
 #[test]
-fn what_does_not_fit_a_scene_is_refused_with_line_key_value_and_remedy() {
+fn invalid_scene_is_refused_with_line_key_value_and_remedy() {
     let folder = Folder::new("scene-refusals");
-    let good = written(&folder, "good.toml", SCENARIO);
-    let said = orchestrate(&["check", &good]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let good = write_scenario(&folder, "good.toml", SCENARIO);
+    let output = run_orchestrator(&["check", &good]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     for (from, to, expected) in [
         (
             "\"blue.motion.position\", 0",
@@ -101,19 +101,19 @@ fn what_does_not_fit_a_scene_is_refused_with_line_key_value_and_remedy() {
     ] {
         let changed = SCENARIO.replace(from, to);
         assert_ne!(changed, SCENARIO, "{from}");
-        let wrong = written(&folder, "wrong.toml", &changed);
-        let said = orchestrate(&["check", &wrong]);
-        assert_eq!(said.code, Some(2), "{to}: {said:?}");
+        let wrong = write_scenario(&folder, "wrong.toml", &changed);
+        let output = run_orchestrator(&["check", &wrong]);
+        assert_eq!(output.code, Some(2), "{to}: {output:?}");
         assert!(
-            said.err.contains(expected),
+            output.err.contains(expected),
             "{to}: `{expected}` is not in\n{}",
-            said.err
+            output.err
         );
     }
 }
 
 /// The data in the page for its script.
-fn data(page: &str) -> serde_json::Value {
+fn page_data(page: &str) -> serde_json::Value {
     let (_, rest) = page
         .split_once("<script type=\"application/json\" id=\"data\">")
         .expect("the page has data");
@@ -122,16 +122,16 @@ fn data(page: &str) -> serde_json::Value {
 }
 
 #[test]
-fn scene_of_a_scenario_is_in_its_page_and_a_model_takes_the_place_of_a_body() {
+fn page_has_the_scene_and_a_model_replaces_a_body() {
     let folder = Folder::new("scene-page");
-    let scenario = written(&folder, "good.toml", SCENARIO);
+    let scenario = write_scenario(&folder, "good.toml", SCENARIO);
     let run = folder.path().join("run");
-    let said = orchestrate(&["run", &scenario, "--quiet", "--out", text(&run)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", &scenario, "--quiet", "--out", text(&run)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let page = folder.path().join("page.html");
-    let report = |more: &[&str]| orchestrate(&[&["report", text(&run), "--out", text(&page)], more].concat());
+    let report = |more: &[&str]| run_orchestrator(&[&["report", text(&run), "--out", text(&page)], more].concat());
     assert_eq!(report(&[]).code, Some(0));
-    let shown = data(&std::fs::read_to_string(&page).unwrap());
+    let shown = page_data(&std::fs::read_to_string(&page).unwrap());
     let scene = &shown["runs"][0]["scene"];
     assert_eq!(scene["bodies"][0]["name"], "first");
     assert_eq!(
@@ -144,7 +144,7 @@ fn scene_of_a_scenario_is_in_its_page_and_a_model_takes_the_place_of_a_body() {
 
     let flag = folder.path().join("flag.urdf");
     assert_eq!(report(&["--model", &format!("first={}", text(&flag))]).code, Some(0));
-    let shown = data(&std::fs::read_to_string(&page).unwrap());
+    let shown = page_data(&std::fs::read_to_string(&page).unwrap());
     assert_eq!(
         shown["runs"][0]["scene"]["bodies"][0]["models"][0]["links"][0]["name"],
         "pole"
@@ -158,9 +158,9 @@ fn scene_of_a_scenario_is_in_its_page_and_a_model_takes_the_place_of_a_body() {
         ("first=nowhere.urdf".to_owned(), "nowhere.urdf: cannot read the model"),
         ("nowhere.urdf".to_owned(), "write the body and its file as BODY=URDF"),
     ] {
-        let said = report(&["--model", &model]);
-        assert_eq!(said.code, Some(2), "{model}: {said:?}");
-        assert!(said.err.contains(expected), "{model}: {}", said.err);
+        let output = report(&["--model", &model]);
+        assert_eq!(output.code, Some(2), "{model}: {output:?}");
+        assert!(output.err.contains(expected), "{model}: {}", output.err);
     }
 }
 
@@ -170,7 +170,7 @@ fn run_without_a_scene_has_no_playback() {
     let folder = Folder::new("scene-none");
     let run = folder.path().join("run");
     let spring = root().join("examples/spring/spring.toml");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         text(&spring),
         "--quiet",
@@ -179,11 +179,14 @@ fn run_without_a_scene_has_no_playback() {
         "--out",
         text(&run),
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     let page = folder.path().join("page.html");
-    assert_eq!(orchestrate(&["report", text(&run), "--out", text(&page)]).code, Some(0));
-    let shown = data(&std::fs::read_to_string(&page).unwrap());
+    assert_eq!(
+        run_orchestrator(&["report", text(&run), "--out", text(&page)]).code,
+        Some(0)
+    );
+    let shown = page_data(&std::fs::read_to_string(&page).unwrap());
     assert_eq!(shown["runs"][0]["scene"], serde_json::Value::Null);
-    let said = orchestrate(&["report", text(&run), "--model", "cart=models/cart.urdf"]);
-    assert!(said.err.contains("cart.urdf"), "{said:?}");
+    let output = run_orchestrator(&["report", text(&run), "--model", "cart=models/cart.urdf"]);
+    assert!(output.err.contains("cart.urdf"), "{output:?}");
 }

@@ -1,16 +1,16 @@
 //! A shadow, which runs a second program on a participant's inputs: its outputs are compared, without any effect on the run.
 
-use escapement_tests::program::{Folder, Said, orchestrate, participant, root, text};
-use escapement_tests::world::oscillator;
+use escapement_tests::fixture::write_oscillator;
+use escapement_tests::program::{Folder, ProgramOutput, participant, root, run_orchestrator, text};
 
 /// Runs the oscillator with its damper and the shadow `shadow`.
-fn shadowed(folder: &Folder, shadow: &str) -> Said {
-    let scenario = oscillator(folder, "damper");
+fn run_with_shadow(folder: &Folder, shadow: &str) -> ProgramOutput {
+    let scenario = write_oscillator(folder, "damper");
     let (out, shadow) = (
         folder.path().join("run"),
         format!("damper={}", participant(shadow).display()),
     );
-    orchestrate(&[
+    run_orchestrator(&[
         "run",
         text(&scenario),
         "--out",
@@ -22,11 +22,11 @@ fn shadowed(folder: &Folder, shadow: &str) -> Said {
 }
 
 #[test]
-fn the_same_program_says_the_same() {
+fn shadow_of_the_same_program_is_identical() {
     let folder = Folder::new("same");
-    let said = shadowed(&folder, "damper");
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let shadow = &said.json()["shadows"][0];
+    let output = run_with_shadow(&folder, "damper");
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let shadow = &output.json()["shadows"][0];
     assert_eq!(shadow["participant"], "damper");
     assert_eq!(shadow["comparison"]["identical"], true, "{shadow}");
     assert_eq!(shadow["comparison"]["samples"], 1000);
@@ -36,15 +36,15 @@ fn the_same_program_says_the_same() {
 }
 
 #[test]
-fn the_first_difference_and_the_largest_of_each_field_are_told() {
+fn first_and_largest_difference_of_each_field_are_reported() {
     let folder = Folder::new("other");
     let scenario = root().join("scenarios/close-start-gains.toml");
     let run = |name: &str, more: &[&str]| {
         let out = folder.path().join(name);
         let common = ["run", text(&scenario), "--duration", "3 s", "--out", text(&out)];
-        let said = orchestrate(&[&common[..], more].concat());
-        assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
-        said
+        let output = run_orchestrator(&[&common[..], more].concat());
+        assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
+        output
     };
     let shadow = [
         "--shadow",
@@ -90,8 +90,8 @@ fn shadow_without_a_sample_to_compare_is_not_identical() {
     let common = ["run", text(&scenario), "--out", text(&out), "--in-process", "--json"];
     let more = ["--duration", "100 ms", "--set", "record.controller=false"];
     let shadow = ["--shadow", "controller=builtin:controller"];
-    let said = orchestrate(&[&common[..], &more, &shadow].concat());
-    let found = &said.json()["shadows"][0];
+    let output = run_orchestrator(&[&common[..], &more, &shadow].concat());
+    let found = &output.json()["shadows"][0];
     let refused = found["refused"].as_str().unwrap_or_default();
     assert!(
         refused.contains("nothing was compared: the tape has no output"),
@@ -101,12 +101,12 @@ fn shadow_without_a_sample_to_compare_is_not_identical() {
 }
 
 #[test]
-fn the_death_of_a_shadow_does_not_end_the_run() {
+fn shadow_failure_does_not_end_the_run() {
     for (shadow, words) in [("crash_at", "abort"), ("panics", "panicked"), ("nan", "finite")] {
         let folder = Folder::new(shadow);
-        let said = shadowed(&folder, shadow);
-        assert_eq!(said.code, Some(0), "{said:?}");
-        let found = &said.json();
+        let output = run_with_shadow(&folder, shadow);
+        assert_eq!(output.code, Some(0), "{output:?}");
+        let found = &output.json();
         assert_eq!(found["ending"]["status"], "complete");
         let ending = &found["shadows"][0]["ending"];
         assert_eq!(ending["status"], "failed", "{found}");
@@ -124,7 +124,7 @@ fn other_ports_are_refused_with_the_difference() {
     let folder = Folder::new("ports");
     let out = folder.path().join("run");
     let scenario = root().join("scenarios/close.toml");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         text(&scenario),
         "--out",
@@ -132,7 +132,7 @@ fn other_ports_are_refused_with_the_difference() {
         "--shadow",
         "guidance=builtin:controller",
     ]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(!out.exists(), "refused before anything runs");
     for (shadow, parts) in [
         ("controller=builtin:plant", &["participants.controller"][..]),
@@ -143,10 +143,14 @@ fn other_ports_are_refused_with_the_difference() {
         ("pilot=builtin:controller", &["`pilot`"]),
         ("controller", &["PARTICIPANT=PROGRAM"]),
     ] {
-        let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--shadow", shadow]);
-        assert_eq!(said.code, Some(2), "{shadow}: {said:?}");
+        let output = run_orchestrator(&["run", text(&scenario), "--out", text(&out), "--shadow", shadow]);
+        assert_eq!(output.code, Some(2), "{shadow}: {output:?}");
         for part in parts {
-            assert!(said.err.contains(part), "{shadow}: `{part}` is not in: {}", said.err);
+            assert!(
+                output.err.contains(part),
+                "{shadow}: `{part}` is not in: {}",
+                output.err
+            );
         }
     }
     // A separate program is queried before anything runs as well.
@@ -159,40 +163,47 @@ fn other_ports_are_refused_with_the_difference() {
         // Its death is no mistake in the request.
         ("early_exit", 1, ["`damper`", "exited with status 7", "licence server"]),
     ] {
-        let said = shadowed(&folder, shadow);
-        assert_eq!(said.code, Some(code), "{said:?}");
+        let output = run_with_shadow(&folder, shadow);
+        assert_eq!(output.code, Some(code), "{output:?}");
         assert!(!out.exists(), "refused before anything runs");
         for part in parts {
-            assert!(said.err.contains(part), "{shadow}: `{part}` is not in: {}", said.err);
+            assert!(
+                output.err.contains(part),
+                "{shadow}: `{part}` is not in: {}",
+                output.err
+            );
         }
     }
 }
 
 #[test]
-fn a_substitute_takes_the_place_from_the_start() {
+fn substitute_option_replaces_the_participant_from_the_start() {
     let folder = Folder::new("substitute");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("run");
     let substitute = format!("damper={}", participant("nan").display());
-    let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--substitute", &substitute]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("`damper`") && said.err.contains("finite"), "{said:?}");
+    let output = run_orchestrator(&["run", text(&scenario), "--out", text(&out), "--substitute", &substitute]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(
+        output.err.contains("`damper`") && output.err.contains("finite"),
+        "{output:?}"
+    );
 }
 
 #[test]
-fn two_candidates_for_one_place_are_both_compared() {
+fn two_shadows_of_one_participant_are_both_compared() {
     let folder = Folder::new("two-shadows");
-    let scenario = oscillator(&folder, "damper");
+    let scenario = write_oscillator(&folder, "damper");
     let out = folder.path().join("run");
     let shadow = format!("damper={}", participant("damper").display());
     let twice = ["--shadow", &shadow, "--shadow", &shadow];
-    let said = orchestrate(&[&["run", text(&scenario), "--out", text(&out), "--json"], &twice[..]].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&[&["run", text(&scenario), "--out", text(&out), "--json"], &twice[..]].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
     for (number, place) in ["damper", "damper-2"].into_iter().enumerate() {
         assert_eq!(
-            said.json()["shadows"][number]["comparison"]["identical"],
+            output.json()["shadows"][number]["comparison"]["identical"],
             true,
-            "{said:?}"
+            "{output:?}"
         );
         assert!(
             out.join("shadow").join(place).join("tape/index.json").exists(),

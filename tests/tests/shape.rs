@@ -5,7 +5,7 @@ use std::path::Path;
 use escapement_tests::modules::Modules;
 use escapement_tests::program::root;
 use escapement_tests::rust::{code_of, functions, tokens};
-use escapement_tests::sources::{files, lines, none, says, sources};
+use escapement_tests::sources::{assert_none, files, find_word, lines, sources};
 use escapement_tests::workspace::{package, packages};
 
 fn shown(path: &Path) -> String {
@@ -13,13 +13,13 @@ fn shown(path: &Path) -> String {
 }
 
 #[test]
-fn modules_use_each_other_in_no_circle() {
+fn modules_have_no_cyclic_dependencies() {
     let mut found = Vec::new();
     for target in packages().iter().flat_map(|package| &package.targets) {
         let modules = Modules::read(target);
-        for circle in modules.circles() {
-            found.push(format!("a circle of {} files:", circle.len()));
-            let uses = modules.uses_within(&circle).into_iter();
+        for cycle in modules.cycles() {
+            found.push(format!("a circle of {} files:", cycle.len()));
+            let uses = modules.uses_within(&cycle).into_iter();
             found.extend(uses.map(|(from, to, path)| format!("  {} uses {}: {path}", shown(from), shown(to))));
         }
     }
@@ -71,33 +71,33 @@ const DRAWS_JOINTS: [&str; 2] = [
     "crates/report/src/export/mcap/transforms.rs",
 ];
 
-/// Code that runs, records and draws any system does not mention the bundled one: not in code, comments, texts or tests.
+/// Code that runs, records and draws any system does not name the bundled one: not in code, comments, texts or tests.
 #[test]
-fn libraries_of_any_system_know_no_example() {
+fn generic_libraries_name_no_example() {
     let words = ["capture", "grasp", "slosh", "wheel", "thruster", "arm", "gain"];
     for name in ["lockstep", "tape", "report", "engine"] {
         let found = files(&package(name).folder, ".rs").into_iter().flat_map(|path| {
             let joints = DRAWS_JOINTS.iter().any(|part| shown(&path).starts_with(part));
             let joint: &[&str] = if joints { &[] } else { &["joint"] };
-            let says = move |whole: &str| says(whole, &words).or(says(whole, joint)).map(str::to_owned);
+            let find_any = move |whole: &str| find_word(whole, &words).or(find_word(whole, joint)).map(str::to_owned);
             lines(&path)
                 .into_iter()
-                .filter_map(move |line| says(&line.whole).map(|word| (line, word)))
+                .filter_map(move |line| find_any(&line.whole).map(|word| (line, word)))
         });
-        none(&format!("{name} is for any system:"), found);
+        assert_none(&format!("{name} is for any system:"), found);
     }
     // A mouse has a wheel.
     let words = ["capture", "grasp", "slosh", "thruster", "arm", "servicer", "satellite"];
     let found = files(&package("report").folder, ".js")
         .into_iter()
         .flat_map(|path| lines(&path));
-    let found = found.filter_map(|line| says(&line.whole, &words).map(|word| (line, word.to_owned())));
-    none("the page is for any system:", found);
+    let found = found.filter_map(|line| find_word(&line.whole, &words).map(|word| (line, word.to_owned())));
+    assert_none("the page is for any system:", found);
 }
 
 /// Packages that compute, record and draw need no `unsafe`; elsewhere, clippy requires a reason for each block.
 #[test]
-fn unsafe_code_stands_in_few_packages_and_is_always_explained() {
+fn unsafe_code_is_in_few_packages_and_always_documented() {
     const WITH: [&str; 13] = [
         "allocation",
         "engine",

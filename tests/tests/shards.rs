@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use escapement_tests::program::{Folder, begin, built, call, finish, orchestrate, orchestrator, root, text};
+use escapement_tests::program::{
+    Folder, built, orchestrator, root, run_orchestrator, run_program, start_program, text, wait_for_output,
+};
 use testing::random::SplitMix;
 
 const CLOSE: [&str; 7] = [
@@ -18,12 +20,12 @@ const CLOSE: [&str; 7] = [
 const PERIODS: &str = "participants.controller.period=10ms,20ms";
 
 /// The capture over delays and periods.
-fn close(more: &[&str]) -> Vec<String> {
+fn close_arguments(more: &[&str]) -> Vec<String> {
     strings(&[&CLOSE[..], &[PERIODS, "--quiet"], more].concat())
 }
 
 /// The lander, a separate program, over delays.
-fn lander(more: &[&str]) -> Vec<String> {
+fn lander_arguments(more: &[&str]) -> Vec<String> {
     let own = [
         "sweep",
         "examples/lander/lander.toml",
@@ -43,7 +45,10 @@ type Sweep = fn(&[&str]) -> Vec<String>;
 
 /// Two systems that share nothing, with their programs.
 fn systems() -> [(PathBuf, Sweep); 2] {
-    [(orchestrator().to_owned(), close), (built().join("lander"), lander)]
+    [
+        (orchestrator().to_owned(), close_arguments),
+        (built().join("lander"), lander_arguments),
+    ]
 }
 
 /// Table and pictures.
@@ -69,48 +74,48 @@ fn journal(folder: &Path) -> Vec<u64> {
 }
 
 #[test]
-fn merged_shards_are_what_one_machine_makes() {
+fn merged_shards_give_the_table_of_one_machine() {
     for (number, (program, sweep)) in systems().iter().enumerate() {
         let folder = Folder::new("shards");
         let out = |name: &str| folder.path().join(name);
-        let said = call(program, &sweep(&["--out", text(&out("one"))]));
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_program(program, &sweep(&["--out", text(&out("one"))]));
+        assert_eq!(output.code, Some(0), "{output:?}");
         // Shards of different sizes form a whole too.
         let shards = ["1/2", "2/4", "4/4"];
         let mut merge = strings(&["sweep", "merge", text(&out("whole")), "--quiet"]);
         for (at, shard) in shards.iter().enumerate() {
             let place = out(&format!("shard-{at}"));
-            let said = call(program, &sweep(&["--out", text(&place), "--shard", shard]));
-            assert_eq!(said.code, Some(0), "{said:?}");
+            let output = run_program(program, &sweep(&["--out", text(&place), "--shard", shard]));
+            assert_eq!(output.code, Some(0), "{output:?}");
             merge.push(text(&place).to_owned());
         }
-        let said = call(program, &merge);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_program(program, &merge);
+        assert_eq!(output.code, Some(0), "{output:?}");
         assert_eq!(files(&out("whole")), files(&out("one")), "system {number}");
         // A merged campaign is an ordinary campaign: none of it is run again.
-        let said = call(program, &sweep(&["--out", text(&out("whole"))]));
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_program(program, &sweep(&["--out", text(&out("whole"))]));
+        assert_eq!(output.code, Some(0), "{output:?}");
         assert_eq!(journal(&out("whole")), journal(&out("one")));
     }
 }
 
 #[test]
-fn merge_refuses_what_is_no_whole() {
+fn merge_refuses_an_incomplete_set_of_shards() {
     let folder = Folder::new("no-whole");
     let out = |name: &str| folder.path().join(name);
     let shard = |name: &str, shard: &str, more: &[&str]| {
-        let said = call(
+        let output = run_program(
             &built().join("lander"),
-            &lander(&[&["--out", text(&out(name)), "--shard", shard], more].concat()),
+            &lander_arguments(&[&["--out", text(&out(name)), "--shard", shard], more].concat()),
         );
-        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(output.code, Some(0), "{output:?}");
     };
     shard("a", "1/3", &[]);
     shard("b", "2/3", &[]);
     shard("half", "1/2", &[]);
     shard("other", "2/3", &["--duration", "30 s"]);
     shard("more", "2/3", &["--vary", "seed=1,2"]);
-    let close = orchestrate(&[
+    let close = run_orchestrator(&[
         "sweep",
         "scenarios/close.toml",
         "--duration",
@@ -124,43 +129,43 @@ fn merge_refuses_what_is_no_whole() {
         text(&out("close")),
     ]);
     assert!(close.code == Some(0), "{close:?}");
-    let refused = |shards: &[&str], parts: &[&str]| {
+    let assert_refused = |shards: &[&str], parts: &[&str]| {
         let places: Vec<PathBuf> = shards.iter().map(|name| out(name)).collect();
         let mut arguments = strings(&["sweep", "merge", text(&out("whole"))]);
         arguments.extend(places.iter().map(|place| text(place).to_owned()));
-        let said = call(&built().join("lander"), &arguments);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert_eq!(said.err.matches("error:").count(), 1, "{}", said.err);
+        let output = run_program(&built().join("lander"), &arguments);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert_eq!(output.err.matches("error:").count(), 1, "{}", output.err);
         for part in parts {
-            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+            assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
         }
         assert!(!out("whole").exists(), "nothing is written");
     };
-    refused(
+    assert_refused(
         &["a", "b"],
         &["3 of 11 points are missing", "such as point 3, 6, 9", "all shards"],
     );
-    refused(
+    assert_refused(
         &["a", "half"],
         &["point 1 is in", "a and in", "half", "each shard once"],
     );
-    refused(&["a", "b", "a"], &["point 1 is in"]);
-    refused(
+    assert_refused(&["a", "b", "a"], &["point 1 is in"]);
+    assert_refused(
         &["a", "other"],
         &["not of one campaign", "the scenario or a file of it is not the same"],
     );
-    refused(
+    assert_refused(
         &["a", "more"],
         &["not of one campaign", "the points are not the same (11 and 22)"],
     );
-    refused(&["a", "close"], &["not of one campaign", "another build"]);
-    refused(&["a", "nowhere"], &["nowhere", "no campaign.json"]);
+    assert_refused(&["a", "close"], &["not of one campaign", "another build"]);
+    assert_refused(&["a", "nowhere"], &["nowhere", "no campaign.json"]);
     // A shard that was stopped on the way.
     let text_of = std::fs::read_to_string(out("b").join("results.jsonl")).unwrap();
     let first: String = text_of.split_inclusive('\n').take(1).collect();
     std::fs::write(out("b").join("results.jsonl"), first + "{\"point\": 5, \"outc").unwrap();
     shard("c", "3/3", &[]);
-    refused(
+    assert_refused(
         &["a", "b", "c"],
         &["3 of 11 points are missing", "3 of", "start it again"],
     );
@@ -170,32 +175,32 @@ fn merge_refuses_what_is_no_whole() {
 fn run_killed(program: &Path, arguments: &[String], alone: Duration, random: &mut SplitMix) -> usize {
     let mut kills = 0;
     loop {
-        let mut child = begin(program, arguments);
+        let mut child = start_program(program, arguments);
         std::thread::sleep(alone.mul_f64((random.bits() % 1000) as f64 / 1000.0));
         if kills < 60 && child.try_wait().unwrap().is_none() {
             child.kill().unwrap();
             kills += 1;
         }
-        let said = finish(child);
-        match said.code {
+        let output = wait_for_output(child);
+        match output.code {
             None => {}
             Some(0) => return kills,
-            code => panic!("{code:?}: {said:?}"),
+            code => panic!("{code:?}: {output:?}"),
         }
     }
 }
 
 /// Every shard is killed at random instants until it is complete.
 #[test]
-fn killed_shards_lose_nothing_and_count_nothing_twice() {
+fn killed_shards_lose_or_repeat_no_point() {
     let mut random = SplitMix(19);
     for (program, sweep) in &systems() {
         let folder = Folder::new("killed-shards");
         let out = |name: &str| folder.path().join(name);
         let begun = Instant::now();
-        let said = call(program, &sweep(&["--out", text(&out("one"))]));
+        let output = run_program(program, &sweep(&["--out", text(&out("one"))]));
         let alone = begun.elapsed();
-        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(output.code, Some(0), "{output:?}");
         let mut merge = strings(&["sweep", "merge", text(&out("whole")), "--quiet"]);
         for number in 1..=2 {
             let place = out(&format!("shard-{number}"));
@@ -209,8 +214,8 @@ fn killed_shards_lose_nothing_and_count_nothing_twice() {
             }
             merge.push(text(&place).to_owned());
         }
-        let said = call(program, &merge);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_program(program, &merge);
+        assert_eq!(output.code, Some(0), "{output:?}");
         assert_eq!(files(&out("whole")), files(&out("one")));
         let mut both = [journal(&out("shard-1")), journal(&out("shard-2"))].concat();
         both.sort_unstable();
@@ -219,26 +224,26 @@ fn killed_shards_lose_nothing_and_count_nothing_twice() {
 }
 
 #[test]
-fn status_says_how_far_each_shard_is() {
+fn status_reports_the_progress_of_each_shard() {
     let folder = Folder::new("status");
     let out = |name: &str| folder.path().join(name);
-    let said = call(
+    let output = run_program(
         &built().join("lander"),
-        &lander(&["--out", text(&out("1-of-2")), "--shard", "1/2"]),
+        &lander_arguments(&["--out", text(&out("1-of-2")), "--shard", "1/2"]),
     );
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let said = call(
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let output = run_program(
         &built().join("lander"),
-        &lander(&["--out", text(&out("2-of-2")), "--shard", "2/2"]),
+        &lander_arguments(&["--out", text(&out("2-of-2")), "--shard", "2/2"]),
     );
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     let journal = out("2-of-2/results.jsonl");
     let lines = std::fs::read_to_string(&journal).unwrap();
     let some: String = lines.split_inclusive('\n').take(2).collect();
     std::fs::write(&journal, some).unwrap();
-    let status = |more: &[&str]| orchestrate(&[&["sweep", "status", text(folder.path())], more].concat());
-    let said = status(&[]);
-    assert_eq!(said.code, Some(1), "points are missing: {said:?}");
+    let status = |more: &[&str]| run_orchestrator(&[&["sweep", "status", text(folder.path())], more].concat());
+    let output = status(&[]);
+    assert_eq!(output.code, Some(1), "points are missing: {output:?}");
     for part in [
         "shard 1/2  6 of 6 points",
         "complete",
@@ -246,14 +251,14 @@ fn status_says_how_far_each_shard_is() {
         "stopped",
         "sweep run",
     ] {
-        assert!(said.out.contains(part), "`{part}` is not in: {}", said.out);
+        assert!(output.out.contains(part), "`{part}` is not in: {}", output.out);
     }
     // The printed command completes the shard.
-    let said = call(
+    let output = run_program(
         &built().join("lander"),
         &strings(&["sweep", "run", text(&out("2-of-2")), "--quiet"]),
     );
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     let json = status(&["--json"]);
     assert_eq!((json.code, json.json()["complete"].as_bool()), (Some(0), Some(true)));
     let parts = json.json()["parts"].as_array().unwrap().clone();
@@ -276,12 +281,12 @@ fn status_says_how_far_each_shard_is() {
         "--out",
         text(&one),
     ];
-    let mut child = escapement_tests::program::start(&arguments);
-    let running = || orchestrate(&["sweep", "status", text(&one), "--json"]);
+    let mut child = escapement_tests::program::start_orchestrator(&arguments);
+    let running = || run_orchestrator(&["sweep", "status", text(&one), "--json"]);
     let part = loop {
-        let said = running();
-        if said.code == Some(1) && said.json()["parts"][0]["done"].as_u64() > Some(0) {
-            break said.json()["parts"][0].clone();
+        let output = running();
+        if output.code == Some(1) && output.json()["parts"][0]["done"].as_u64() > Some(0) {
+            break output.json()["parts"][0].clone();
         }
     };
     assert_eq!(
@@ -292,9 +297,9 @@ fn status_says_how_far_each_shard_is() {
     child.kill().unwrap();
     child.wait().unwrap();
     assert_eq!(running().json()["parts"][0]["state"], "stopped");
-    let said = orchestrate(&["sweep", "status", text(&root().join("docs"))]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("no campaign.json"), "{said:?}");
+    let output = run_orchestrator(&["sweep", "status", text(&root().join("docs"))]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("no campaign.json"), "{output:?}");
 }
 
 #[test]
@@ -304,16 +309,16 @@ fn audit_names_the_node_whose_bits_differ() {
     let program = built().join("lander");
     for shard in ["1/3", "2/3", "3/3"] {
         let place = out(&shard.replace('/', "-of-"));
-        let said = call(
+        let output = run_program(
             &program,
-            &lander(&["--out", text(&place), "--shard", shard, "--audit", "50%"]),
+            &lander_arguments(&["--out", text(&place), "--shard", shard, "--audit", "50%"]),
         );
-        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(output.code, Some(0), "{output:?}");
     }
     let merge = || {
         let mut arguments = strings(&["sweep", "merge", text(&out("whole")), "--quiet"]);
         arguments.extend(["1-of-3", "2-of-3", "3-of-3"].map(|name| text(&out(name)).to_owned()));
-        call(&program, &arguments)
+        run_program(&program, &arguments)
     };
     assert_eq!(merge().code, Some(0));
     // The second shard ran on a machine that computes different results.
@@ -331,12 +336,12 @@ fn audit_names_the_node_whose_bits_differ() {
         .collect();
     std::fs::write(&journal, broken.concat()).unwrap();
     std::fs::remove_dir_all(out("whole")).unwrap();
-    let said = merge();
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("most often on node `broken`"), "{said:?}");
+    let output = merge();
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("most often on node `broken`"), "{output:?}");
     assert!(
-        said.err.contains("2-of-3 on node `broken`") && said.err.contains("run --point"),
-        "{said:?}"
+        output.err.contains("2-of-3 on node `broken`") && output.err.contains("run --point"),
+        "{output:?}"
     );
     // A missing second run is a gap.
     let first: String = honest
@@ -344,9 +349,12 @@ fn audit_names_the_node_whose_bits_differ() {
         .filter(|line| !line.contains("\"audit\":true"))
         .collect();
     std::fs::write(&journal, first).unwrap();
-    let said = merge();
-    assert!(said.err.contains("has not yet run point 1 a second time"), "{said:?}");
-    let said = call(&program, &lander(&["--audit", "1%"]));
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("--shard"), "{said:?}");
+    let output = merge();
+    assert!(
+        output.err.contains("has not yet run point 1 a second time"),
+        "{output:?}"
+    );
+    let output = run_program(&program, &lander_arguments(&["--audit", "1%"]));
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("--shard"), "{output:?}");
 }

@@ -4,16 +4,16 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use escapement_tests::program::{Folder, Said, built, text};
+use escapement_tests::program::{Folder, ProgramOutput, built, text};
 
-fn say(program: &str, arguments: &[&str]) -> Said {
-    let said = Command::new(built().join(program)).args(arguments).output();
-    said.expect("the program can be started").into()
+fn run_built(program: &str, arguments: &[&str]) -> ProgramOutput {
+    let output = Command::new(built().join(program)).args(arguments).output();
+    output.expect("the program can be started").into()
 }
 
 /// The commands that the help page lists.
 fn commands(program: &str) -> BTreeSet<String> {
-    let help = say(program, &["--help"]).out;
+    let help = run_built(program, &["--help"]).out;
     let (_, listed) = help.split_once("Commands:").expect("the help page lists commands");
     let listed = listed.split("\n\n").next().unwrap_or_default();
     let names = listed.lines().filter_map(|line| {
@@ -34,25 +34,28 @@ fn completions_know_every_command_under_the_programs_own_name() {
             ("zsh", format!("#compdef {program}")),
             ("fish", format!("complete -c {program}")),
         ] {
-            let said = say(program, &["completions", shell]);
-            assert_eq!(said.code, Some(0), "{said:?}");
-            assert!(said.out.contains(&own), "{shell}: {}", said.out);
+            let output = run_built(program, &["completions", shell]);
+            assert_eq!(output.code, Some(0), "{output:?}");
+            assert!(output.out.contains(&own), "{shell}: {}", output.out);
             for name in &commands {
-                assert!(said.out.contains(name.as_str()), "{program}, {shell}: {name}");
+                assert!(output.out.contains(name.as_str()), "{program}, {shell}: {name}");
             }
             for inner in ["campaign-worker", "bench-ping"] {
-                assert!(!said.out.contains(inner), "{program}, {shell}: {inner}");
+                assert!(!output.out.contains(inner), "{program}, {shell}: {inner}");
             }
         }
     }
-    let said = say("escapement", &["completions", "csh"]);
-    assert!(said.code == Some(2) && said.err.contains("bash, zsh, fish"), "{said:?}");
+    let output = run_built("escapement", &["completions", "csh"]);
+    assert!(
+        output.code == Some(2) && output.err.contains("bash, zsh, fish"),
+        "{output:?}"
+    );
 }
 
 #[test]
 fn bash_completes_commands_and_options() {
     let folder = Folder::new("completions");
-    let script = folder.write("escapement", &say("escapement", &["completions", "bash"]).out);
+    let script = folder.write("escapement", &run_built("escapement", &["completions", "bash"]).out);
     let complete = |words: &str, number: u32| {
         let count = words.split(' ').count();
         let ask = format!(
@@ -63,8 +66,8 @@ fn bash_completes_commands_and_options() {
             count - 1,
             number
         );
-        let said = Command::new("bash").args(["-c", &ask]).output().expect("bash is there");
-        Said::from(said).out
+        let output = Command::new("bash").args(["-c", &ask]).output().expect("bash is there");
+        ProgramOutput::from(output).out
     };
     assert_eq!(complete("escapement sw", 0).trim(), "sweep");
     assert_eq!(complete("escapement run --in-p", 1).trim(), "--in-process");
@@ -75,8 +78,8 @@ fn every_command_has_a_page_that_man_reads() {
     let folder = Folder::new("man");
     for program in ["escapement", "lander"] {
         let pages = folder.path().join(program);
-        let said = say(program, &["man", text(&pages)]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_built(program, &["man", text(&pages)]);
+        assert_eq!(output.code, Some(0), "{output:?}");
         let mut wanted: BTreeSet<String> = commands(program)
             .iter()
             .map(|command| format!("{program}-{command}.1"))
@@ -85,9 +88,9 @@ fn every_command_has_a_page_that_man_reads() {
         let written = std::fs::read_dir(&pages).expect("a folder").flatten();
         let written: BTreeSet<String> = written.map(|file| file.file_name().to_string_lossy().into()).collect();
         assert_eq!(written, wanted);
-        assert_eq!(said.out.lines().count(), wanted.len(), "{said:?}");
+        assert_eq!(output.out.lines().count(), wanted.len(), "{output:?}");
         let read = |file: &str| std::fs::read_to_string(pages.join(file)).expect("a page");
-        assert_eq!(say(program, &["man"]).out, read(&format!("{program}.1")));
+        assert_eq!(run_built(program, &["man"]).out, read(&format!("{program}.1")));
         let page = read(&format!("{program}-run.1"));
         for part in [
             &*format!(".TH {program}-run 1"),
@@ -101,8 +104,8 @@ fn every_command_has_a_page_that_man_reads() {
 }
 
 #[test]
-fn a_version_names_the_commit_where_there_is_one() {
-    let version = |program: &str, option: &str| say(program, &[option]).out.trim().to_owned();
+fn version_names_the_commit_where_there_is_one() {
+    let version = |program: &str, option: &str| run_built(program, &[option]).out.trim().to_owned();
     let own = version("escapement", "--version");
     assert_eq!(own, version("escapement", "-V"));
     let built_on = own.strip_prefix("escapement ").expect("the name stands first");
@@ -124,11 +127,14 @@ fn a_version_names_the_commit_where_there_is_one() {
     let out = folder.path().join("run");
     let scenario = escapement_tests::program::root().join("examples/lander/lander.toml");
     let run = ["run", text(&scenario), "--out", text(&out), "--quiet", "--in-process"];
-    assert_eq!(say("lander", &run).code, Some(0));
-    assert_eq!(noted(&out), format!("{number}, built on escapement {built_on}"));
+    assert_eq!(run_built("lander", &run).code, Some(0));
+    assert_eq!(
+        recorded_version(&out),
+        format!("{number}, built on escapement {built_on}")
+    );
 }
 
-fn noted(run: &Path) -> String {
+fn recorded_version(run: &Path) -> String {
     let text = std::fs::read_to_string(run.join("run.json")).expect("a run has run.json");
     let about: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
     about["version"].as_str().expect("a version").to_owned()

@@ -10,7 +10,7 @@ use engine::scenario::{
     ConnectionSpec, FaultKind, FaultSpec, GuardSpec, MeasureKind, MeasureSpec, OnFailureSpec, ParticipantSpec,
     RecordSpec, RunSpec, Scenario, ScenarioError, ScenarioSpec, State, Time,
 };
-use escapement_tests::parts::{Damper, Oscillator};
+use escapement_tests::participants::{Damper, Oscillator};
 use escapement_tests::program::{Folder, participant};
 use lockstep::link::Hold;
 use toml::{Table, Value};
@@ -78,7 +78,7 @@ const TEXT: &str = r#"
 "#;
 
 /// The same in code.
-fn made(run: impl Fn(&str) -> RunSpec) -> ScenarioSpec {
+fn build_spec(run: impl Fn(&str) -> RunSpec) -> ScenarioSpec {
     let motion = ConnectionSpec::new("plant.motion", "damper.motion")
         .delay("3 ms")
         .jitter("2 ms")
@@ -137,19 +137,22 @@ fn recorded(scenario: &Scenario, out: &Path, in_process: bool) -> (String, Strin
 }
 
 /// A replacement program needs all samples.
-fn whole(spec: &mut ScenarioSpec) {
+fn record_everything(spec: &mut ScenarioSpec) {
     spec.record.clear();
     spec.participants["damper"].on_failure = OnFailureSpec::Stop;
 }
 
 #[test]
-fn scenario_made_in_code_is_the_one_that_a_file_says() {
+fn scenario_built_in_code_equals_the_one_read_from_a_file() {
     let (folder, catalogue) = (Folder::new("specs"), catalogue());
     let file = folder.path().join("loop.toml");
-    let (mut read, mut own) = (ScenarioSpec::of_text(&file, TEXT).unwrap(), made(RunSpec::builtin));
+    let (mut read, mut own) = (
+        ScenarioSpec::of_text(&file, TEXT).unwrap(),
+        build_spec(RunSpec::builtin),
+    );
     assert_eq!(read, own);
-    whole(&mut read);
-    whole(&mut own);
+    record_everything(&mut read);
+    record_everything(&mut own);
     let run = |spec: &ScenarioSpec, out: &str, in_process: bool| {
         let scenario = Scenario::of(&catalogue, spec.clone(), &file).unwrap_or_else(|error| panic!("{error}"));
         recorded(&scenario, &folder.path().join(out), in_process)
@@ -160,8 +163,8 @@ fn scenario_made_in_code_is_the_one_that_a_file_says() {
     let again = Scenario::read(&catalogue, &folder.path().join("code/plan.toml"), &[]).unwrap();
     assert_eq!(recorded(&again, &folder.path().join("again"), true), of_file);
     // In processes, whose programs are files.
-    let mut files = made(|name| RunSpec::exe::<String>(participant(name).to_str().unwrap(), []));
-    whole(&mut files);
+    let mut files = build_spec(|name| RunSpec::exe::<String>(participant(name).to_str().unwrap(), []));
+    record_everything(&mut files);
     assert_eq!(run(&files, "apart", false).0, of_file.0);
 }
 
@@ -193,7 +196,7 @@ fn loaded_scenario_is_changed_by_its_fields_and_by_keys() {
     assert_eq!(options, fields);
     let digest = |spec: &ScenarioSpec| {
         let mut spec = spec.clone();
-        whole(&mut spec);
+        record_everything(&mut spec);
         let scenario = Scenario::of(&catalogue, spec, file).unwrap();
         let options = Options {
             in_process: true,
@@ -203,7 +206,7 @@ fn loaded_scenario_is_changed_by_its_fields_and_by_keys() {
         run::run(&scenario, &options).unwrap().digest.unwrap().to_string()
     };
     assert_eq!(digest(&fields), digest(&options));
-    assert_ne!(digest(&fields), digest(&made(RunSpec::builtin)));
+    assert_ne!(digest(&fields), digest(&build_spec(RunSpec::builtin)));
 }
 
 trait ReadChanged {
@@ -220,13 +223,13 @@ impl ReadChanged for ScenarioSpec {
 }
 
 /// The messages about `spec` as the scenario in `loop.toml`.
-fn refused(spec: ScenarioSpec) -> ScenarioError {
+fn check_error(spec: ScenarioSpec) -> ScenarioError {
     let refused = Scenario::of(&catalogue(), spec, Path::new("loop.toml"));
     refused.err().expect("it is wrong")
 }
 
 #[test]
-fn mistakes_in_code_name_the_key_the_value_and_the_remedy() {
+fn errors_in_code_name_the_key_the_value_and_the_remedy() {
     type Change = fn(&mut ScenarioSpec);
     let cases: [(Change, &str); 14] = [
         (
@@ -290,21 +293,21 @@ fn mistakes_in_code_name_the_key_the_value_and_the_remedy() {
             "loop.toml: inputs: `plant` is not a port: write \"PARTICIPANT.PORT\"",
         ),
     ];
-    for (change, said) in cases {
-        let mut spec = made(RunSpec::builtin);
+    for (change, output) in cases {
+        let mut spec = build_spec(RunSpec::builtin);
         change(&mut spec);
-        let error = refused(spec).to_string();
-        assert!(error.starts_with(said), "{error}\ninstead of\n{said}");
+        let error = check_error(spec).to_string();
+        assert!(error.starts_with(output), "{error}\ninstead of\n{output}");
     }
     // All of them at once.
-    let mut spec = made(RunSpec::builtin);
+    let mut spec = build_spec(RunSpec::builtin);
     spec.participants["plant"].run = RunSpec::builtin("none");
     spec.guards["wide"].field = None;
-    assert_eq!(refused(spec).mistakes.len(), 2);
+    assert_eq!(check_error(spec).mistakes.len(), 2);
 }
 
 #[test]
-fn mistakes_in_what_was_read_name_the_line_or_the_change() {
+fn errors_in_a_read_scenario_name_the_line_or_the_override() {
     let mut spec = ScenarioSpec::of_text(Path::new("elsewhere.toml"), TEXT).unwrap();
     spec.participants["damper"].period = "-1 s".into();
     let line = TEXT
@@ -312,9 +315,9 @@ fn mistakes_in_what_was_read_name_the_line_or_the_change() {
         .position(|line| line.contains("period = \"10 ms\""))
         .unwrap()
         + 1;
-    let error = refused(spec.clone()).to_string();
-    let said = format!("loop.toml:{line}: participants.damper.period: the period is -1 s; it must be positive");
-    assert_eq!(error, said);
+    let error = check_error(spec.clone()).to_string();
+    let expected = format!("loop.toml:{line}: participants.damper.period: the period is -1 s; it must be positive");
+    assert_eq!(error, expected);
     spec.participants["damper"].period = "1 s".into();
     spec.set("connections.motion.from", "plant").unwrap();
     let scenario = Scenario::of(&catalogue(), spec.clone(), Path::new("loop.toml")).unwrap();
@@ -322,9 +325,10 @@ fn mistakes_in_what_was_read_name_the_line_or_the_change() {
         .err()
         .expect("there is no such output")
         .to_string();
-    let said = "loop.toml: connections.motion.from: `plant` is not a port: write \"PARTICIPANT.PORT\" (set in code)";
-    assert!(error.contains(said), "{error}");
-    for (key, value, said) in [
+    let expected =
+        "loop.toml: connections.motion.from: `plant` is not a port: write \"PARTICIPANT.PORT\" (set in code)";
+    assert!(error.contains(expected), "{error}");
+    for (key, value, output) in [
         (
             "connections.notion.to",
             "damper.motion",
@@ -340,7 +344,7 @@ fn mistakes_in_what_was_read_name_the_line_or_the_change() {
     ] {
         let before = spec.clone();
         let error = spec.set(key, value).expect_err("it is refused").to_string();
-        assert!(error.contains(said), "{error}");
+        assert!(error.contains(output), "{error}");
         assert_eq!(spec, before, "a change that is refused changes nothing");
     }
 }

@@ -92,16 +92,17 @@ fn nested_system_is_the_scenario_written_by_hand() {
         ("resources/plant.ssm", mapping.into_bytes()),
     ];
     let package = package(&folder, &description(NESTED, NESTED_REST), &files);
-    let said = import(&folder, &package, &["--period", "2 ms"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = import(&folder, &package, &["--period", "2 ms"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert!(
-        said.out.contains("fmus/spring.fmu") && said.out.contains("What to do next"),
-        "{said:?}"
+        output.out.contains("fmus/spring.fmu") && output.out.contains("What to do next"),
+        "{output:?}"
     );
     assert!(
-        said.err
+        output
+            .err
             .contains("resources/mass.ssv:1: there is no parameter `mass.elsewhere`"),
-        "{said:?}"
+        "{output:?}"
     );
     is_what_is_written_by_hand(
         &folder,
@@ -190,11 +191,11 @@ fn system_of_another_kind_is_its_scenario_too() {
     let folder = Folder::new("types");
     let feedthrough = read(&root().join("tests/fmus/reference/fmi3/Feedthrough.fmu"));
     let package = package(&folder, TYPES, &[("Feedthrough.fmu", feedthrough)]);
-    let said = import(&folder, &package, &[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = import(&folder, &package, &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert!(
-        said.err.contains("`one.two` has outputs with direct feedthrough"),
-        "{said:?}"
+        output.err.contains("`one.two` has outputs with direct feedthrough"),
+        "{output:?}"
     );
     is_what_is_written_by_hand(
         &folder,
@@ -256,16 +257,17 @@ fn alias_is_the_variable_that_it_names() {
         &description(&system(&(value("h") + &value("h_ft"))), rest),
         &files,
     );
-    let said = import(&folder, &twice, &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = import(&folder, &twice, &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err
+        output
+            .err
             .contains("`h` of the FMU has a value already, by another of its names"),
-        "{said:?}"
+        "{output:?}"
     );
     let package = package(&folder, &description(&system(&value("h_ft")), rest), &files);
-    let said = import(&folder, &package, &[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = import(&folder, &package, &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     is_what_is_written_by_hand(
         &folder,
         r#"
@@ -289,8 +291,8 @@ fn alias_is_the_variable_that_it_names() {
 #[test]
 fn unpacked_system_is_imported_too() {
     let folder = Folder::new("unpacked");
-    let said = import(&folder, &root().join("examples/fmu/system"), &[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = import(&folder, &root().join("examples/fmu/system"), &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     is_what_is_written_by_hand(
         &folder,
         r#"

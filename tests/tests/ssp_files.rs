@@ -1,6 +1,6 @@
 //! Systems of several files, signal dictionaries and texts in system structures: their tapes equal those of handwritten scenarios.
 
-use escapement_tests::fmus::archive;
+use escapement_tests::fmus::zip_archive;
 use escapement_tests::packages::{
     NESTED_REST, SPACES, description, import, is_what_is_written_by_hand, package, pair, read,
 };
@@ -61,7 +61,7 @@ fn parts(folder: &Folder, mass: &str, brake: &str) -> std::path::PathBuf {
         "<ssv:ParameterSet {SPACES} version=\"1.0\" name=\"p\"><ssv:Parameters><ssv:Parameter name=\"spring.mass\"><ssv:Real value=\"2\"/>\
          </ssv:Parameter><ssv:Parameter name=\"spring.x\"><ssv:Real value=\"7\"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet>"
     );
-    let mass = archive(&[
+    let mass = zip_archive(&[
         ("SystemStructure.ssd", description(mass, "").into_bytes()),
         ("resources/mass.ssv", values.into_bytes()),
         ("resources/spring.fmu", spring),
@@ -78,8 +78,8 @@ fn parts(folder: &Folder, mass: &str, brake: &str) -> std::path::PathBuf {
 fn systems_of_other_files_are_the_scenario_written_by_hand() {
     let folder = Folder::new("parts");
     let package = parts(&folder, MASS, BRAKE);
-    let said = import(&folder, &package, &["--period", "2 ms"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = import(&folder, &package, &["--period", "2 ms"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     is_what_is_written_by_hand(
         &folder,
         r#"
@@ -106,7 +106,7 @@ fn systems_of_other_files_are_the_scenario_written_by_hand() {
 
 /// A mistake in a system of another file is reported with that file, and a system that contains itself is rejected.
 #[test]
-fn mistakes_in_systems_of_other_files_are_named_where_they_stand() {
+fn error_in_a_referenced_system_names_its_file_and_line() {
     let folder = Folder::new("parts-refused");
     let missing = MASS.replace("resources/spring.fmu", "resources/gone.fmu");
     let within = BRAKE.replace(
@@ -131,9 +131,12 @@ fn mistakes_in_systems_of_other_files_are_named_where_they_stand() {
         ),
         (MASS, &within, &["parts/the brake.ssd", "nested more than 64 deep"]),
     ] {
-        let said = import(&folder, &parts(&folder, mass, brake), &[]);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(words.iter().all(|word| said.err.contains(word)), "{words:?}: {said:?}");
+        let output = import(&folder, &parts(&folder, mass, brake), &[]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(
+            words.iter().all(|word| output.err.contains(word)),
+            "{words:?}: {output:?}"
+        );
     }
 }
 
@@ -181,14 +184,14 @@ fn signal_dictionary_is_the_connections_written_by_hand() {
         &description(&system(&wire("damper", "f", "inner", "speed")), NESTED_REST),
         &files,
     );
-    let said = import(&folder, &twice, &[]);
+    let output = import(&folder, &twice, &[]);
     assert!(
-        said.code == Some(2) && said.err.contains("speed` is fed by two connections"),
-        "{said:?}"
+        output.code == Some(2) && output.err.contains("speed` is fed by two connections"),
+        "{output:?}"
     );
     let package = package(&folder, &description(&system(""), NESTED_REST), &files);
-    let said = import(&folder, &package, &["--period", "2 ms"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = import(&folder, &package, &["--period", "2 ms"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     is_what_is_written_by_hand(
         &folder,
         r#"
@@ -242,8 +245,8 @@ fn texts_and_bytes_are_connected() {
     );
     let rest = "<ssd:DefaultExperiment startTime=\"0\" stopTime=\"1\"/>";
     let package = package(&folder, &description(&system, rest), &[("a.fmu", feedthrough)]);
-    let said = import(&folder, &package, &[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = import(&folder, &package, &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     let outputs = "outputs = [\"Float64_continuous_output\", \"Float64_discrete_output\", \"Int64_output\", \"UInt64_output\", \
                    \"Float32_continuous_output\", \"Float32_discrete_output\", \"Int32_output\", \"UInt32_output\", \"Int16_output\", \
                    \"UInt16_output\", \"Int8_output\", \"UInt8_output\", \"Boolean_output\", \"String_output\", \

@@ -2,41 +2,44 @@
 
 use std::path::Path;
 
-use escapement_tests::fmus::archive;
+use escapement_tests::fmus::zip_archive;
 use escapement_tests::packages::{description, import, package, pair, read};
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 
 #[test]
-fn what_is_no_package_is_refused() {
+fn invalid_package_is_refused() {
     let folder = Folder::new("no-package");
-    let refused = |file: &Path, words: &[&str]| {
-        let said = import(&folder, file, &[]);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(words.iter().all(|word| said.err.contains(word)), "{words:?}: {said:?}");
+    let assert_refused = |file: &Path, words: &[&str]| {
+        let output = import(&folder, file, &[]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(
+            words.iter().all(|word| output.err.contains(word)),
+            "{words:?}: {output:?}"
+        );
         assert!(!folder.path().join("imported").exists(), "a refusal leaves nothing");
     };
-    refused(
+    assert_refused(
         &folder.write("text.ssp", "this is text and no archive"),
         &["text.ssp", "not a ZIP archive"],
     );
-    refused(&folder.path().join("missing.ssp"), &["missing.ssp"]);
-    refused(folder.path(), &["no SystemStructure.ssd"]);
+    assert_refused(&folder.path().join("missing.ssp"), &["missing.ssp"]);
+    assert_refused(folder.path(), &["no SystemStructure.ssd"]);
     let path = folder.path().join("empty.ssp");
-    std::fs::write(&path, archive(&[("readme.txt", b"hello".to_vec())])).expect("written");
-    refused(&path, &["empty.ssp", "no SystemStructure.ssd"]);
-    std::fs::write(&path, archive(&[("../SystemStructure.ssd", Vec::new())])).expect("written");
-    refused(&path, &["leads out of the archive"]);
-    refused(
+    std::fs::write(&path, zip_archive(&[("readme.txt", b"hello".to_vec())])).expect("written");
+    assert_refused(&path, &["empty.ssp", "no SystemStructure.ssd"]);
+    std::fs::write(&path, zip_archive(&[("../SystemStructure.ssd", Vec::new())])).expect("written");
+    assert_refused(&path, &["leads out of the archive"]);
+    assert_refused(
         &package(&folder, "<ssd>", &[]),
         &["system.ssp: SystemStructure.ssd:1", "not XML"],
     );
-    refused(&package(&folder, "<ssd/>", &[]), &["the root is `ssd`"]);
+    assert_refused(&package(&folder, "<ssd/>", &[]), &["the root is `ssd`"]);
     let later = description("", "").replace("version=\"1.0\"", "version=\"3.0\"");
-    refused(
+    assert_refused(
         &package(&folder, &later, &[]),
         &["SystemStructure.ssd:2", "SSP version `3.0`"],
     );
-    refused(
+    assert_refused(
         &package(&folder, &description("", ""), &[]),
         &["SystemStructure.ssd:3", "0 components"],
     );
@@ -44,26 +47,26 @@ fn what_is_no_package_is_refused() {
     std::fs::create_dir(folder.path().join("full")).expect("made");
     folder.write("full/x", "x");
     let full = folder.path().join("full");
-    let said = orchestrate(&["import", text(&path), "--out", text(&full)]);
-    assert!(said.code == Some(2) && said.err.contains("not empty"), "{said:?}");
+    let output = run_orchestrator(&["import", text(&path), "--out", text(&full)]);
+    assert!(output.code == Some(2) && output.err.contains("not empty"), "{output:?}");
 }
 
 /// Checks that a package with a mass on a spring (`a.fmu`) and a damper (`b.fmu`) is rejected with these words.
-fn refused(folder: &Folder, name: &str, system: &str, rest: &str, words: &[&str]) {
+fn assert_package_refused(folder: &Folder, name: &str, system: &str, rest: &str, words: &[&str]) {
     let (spring, damper) = pair(folder);
     let files = [("a.fmu", spring), ("b.fmu", damper)];
     let package = package(folder, &description(system, rest), &files);
-    let said = import(folder, &package, &[]);
-    assert_eq!(said.code, Some(2), "{name}: {said:?}");
-    let missing: Vec<_> = words.iter().filter(|word| !said.err.contains(**word)).collect();
-    assert!(missing.is_empty(), "{name}: {missing:?} in {}", said.err);
+    let output = import(folder, &package, &[]);
+    assert_eq!(output.code, Some(2), "{name}: {output:?}");
+    let missing: Vec<_> = words.iter().filter(|word| !output.err.contains(**word)).collect();
+    assert!(missing.is_empty(), "{name}: {missing:?} in {}", output.err);
 }
 
 /// All mistakes are reported at once, each with its line.
 #[test]
 fn elements_that_are_no_fmus_are_refused_all_at_once() {
     let folder = Folder::new("elements");
-    refused(
+    assert_package_refused(
         &folder,
         "elements",
         "<ssd:Elements>\n<ssd:Component name=\"model\" type=\"text/x-modelica\" source=\"a.fmu\"/>\n<ssd:Component name=\"none\"/>\n\
@@ -84,7 +87,7 @@ fn elements_that_are_no_fmus_are_refused_all_at_once() {
     );
 }
 
-/// The two of [`refused`] as components `a` and `b`, which end on line 5.
+/// The two of [`assert_package_refused`] as components `a` and `b`, which end on line 5.
 const PARTS: &str = "<ssd:Connectors><ssd:Connector name=\"in\" kind=\"input\"/></ssd:Connectors>\n<ssd:Elements>\
      <ssd:Component name=\"a\" source=\"a.fmu\"><ssd:Connectors><ssd:Connector name=\"f\" kind=\"input\"/>\
      <ssd:Connector name=\"x\" kind=\"output\"/><ssd:Connector name=\"v\" kind=\"output\"/><ssd:Connector name=\"marker\" kind=\"parameter\"/>\
@@ -93,9 +96,10 @@ const PARTS: &str = "<ssd:Connectors><ssd:Connector name=\"in\" kind=\"input\"/>
      <ssd:Connector name=\"f\" kind=\"output\"/><ssd:Connector name=\"damping\" kind=\"parameter\"/></ssd:Connectors></ssd:Component></ssd:Elements>\n";
 
 #[test]
-fn what_cannot_be_expressed_is_refused_with_its_line() {
+fn unsupported_feature_is_refused_with_its_line() {
     let folder = Folder::new("refusals");
-    let refused = |name: &str, system: &str, words: &[&str]| refused(&folder, name, system, "", words);
+    let assert_refused =
+        |name: &str, system: &str, words: &[&str]| assert_package_refused(&folder, name, system, "", words);
     let with = |connections: &str| format!("{PARTS}<ssd:Connections>\n{connections}\n</ssd:Connections>");
     let link = |from: &str, to: &str, rest: &str| {
         let end = |side: &str, text: &str| match text.split_once('.') {
@@ -108,7 +112,7 @@ fn what_cannot_be_expressed_is_refused_with_its_line() {
             end("end", to)
         )
     };
-    refused(
+    assert_refused(
         "ends",
         &with(&[link("a.y", "b.v", ""), link("c.x", "b.v", ""), link("a.f", "b.v", "")].concat()),
         &[
@@ -116,17 +120,17 @@ fn what_cannot_be_expressed_is_refused_with_its_line() {
             ":8: `startElement`: there is no element `c`; there is `a`, `b`",
         ],
     );
-    refused(
+    assert_refused(
         "direction",
         &with(&link("a.f", "b.v", "")),
         &[":7: the kinds of `a.f` and `b.v` do not say"],
     );
-    refused(
+    assert_refused(
         "twice",
         &with(&[link("a.v", "b.v", ""), link("b.v", "in", "")].concat()),
         &[":8: `b.v` is fed by two connections"],
     );
-    refused(
+    assert_refused(
         "dimension",
         &with(&link("a.x", "b.v", "")),
         &[
@@ -136,36 +140,38 @@ fn what_cannot_be_expressed_is_refused_with_its_line() {
         ],
     );
     let table = "<ssc:BooleanMappingTransformation><ssc:MapEntry source=\"true\" target=\"false\"/></ssc:BooleanMappingTransformation>";
-    refused(
+    assert_refused(
         "table",
         &with(&link("a.v", "b.v", table)),
         &[":7: ", "BooleanMappingTransformation cannot be done"],
     );
-    refused(
+    assert_refused(
         "parameter",
         &with(&link("a.v", "b.damping", "")),
         &[":7: `b.damping` is a parameter"],
     );
     let indices = link("a.v", "b.v", "").replace("<ssd:Connection ", "<ssd:Connection startIndices=\"1\" ");
-    refused("indices", &with(&indices), &[":7: `startIndices`"]);
+    assert_refused("indices", &with(&indices), &[":7: `startIndices`"]);
 }
 
 #[test]
-fn what_does_not_fit_the_fmus_is_refused_with_its_line() {
+fn system_that_contradicts_its_fmus_is_refused_with_its_line() {
     let folder = Folder::new("unfit");
-    let refused = |name: &str, system: &str, rest: &str, words: &[&str]| refused(&folder, name, system, rest, words);
+    let assert_refused = |name: &str, system: &str, rest: &str, words: &[&str]| {
+        assert_package_refused(&folder, name, system, rest, words)
+    };
     let connectors = PARTS.replace(
         "name=\"damping\" kind=\"parameter\"",
         "name=\"dumping\" kind=\"parameter\"",
     );
-    refused(
+    assert_refused(
         "connector",
         &connectors,
         "",
         &["no variable for the connector `b.dumping`; did you mean `damping`?"],
     );
     let kinds = PARTS.replace("name=\"damping\" kind=\"parameter\"", "name=\"damping\" kind=\"input\"");
-    refused("kind", &kinds, "", &["the connector `b.damping` has another kind"]);
+    assert_refused("kind", &kinds, "", &["the connector `b.damping` has another kind"]);
     let bound = |value: &str| {
         format!(
             "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version=\"1.0\" name=\"p\"><ssv:Parameters>\n\
@@ -174,7 +180,7 @@ fn what_does_not_fit_the_fmus_is_refused_with_its_line() {
     };
     let values = "<ssv:Parameter name=\"a.mass\"><ssv:String value=\"heavy\"/></ssv:Parameter>\n\
          <ssv:Parameter name=\"b.f\"><ssv:Real value=\"1\"/></ssv:Parameter>\n<ssv:Parameter name=\"a.marker\"><ssv:Real value=\"1\"/></ssv:Parameter>\n";
-    refused(
+    assert_refused(
         "values",
         &bound(values),
         "",
@@ -184,13 +190,13 @@ fn what_does_not_fit_the_fmus_is_refused_with_its_line() {
             ":7: the parameter `a.marker`: it is a Real",
         ],
     );
-    refused(
+    assert_refused(
         "number",
         &bound("<ssv:Parameter name=\"a.mass\"><ssv:Real value=\"nan\"/></ssv:Parameter>"),
         "",
         &[":5: `nan` is no Real"],
     );
-    refused(
+    assert_refused(
         "experiment",
         PARTS,
         "<ssd:DefaultExperiment startTime=\"-1\" stopTime=\"2\"/>",
@@ -224,19 +230,23 @@ fn algebraic_loop_is_refused_unless_it_is_opened() {
         link("third", "second")
     );
     let package = package(&folder, &description(&system, ""), &[("f.fmu", file)]);
-    let said = import(&folder, &package, &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = import(&folder, &package, &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err
+        output
+            .err
             .contains("SystemStructure.ssd:6: `second` -> `third` -> `second` is an algebraic loop"),
-        "{said:?}"
+        "{output:?}"
     );
-    assert!(said.err.contains("--open-loops"), "{said:?}");
-    let said = import(&folder, &package, &["--open-loops"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert!(said.err.contains("the default experiment has no stop time"), "{said:?}");
+    assert!(output.err.contains("--open-loops"), "{output:?}");
+    let output = import(&folder, &package, &["--open-loops"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert!(
+        output.err.contains("the default experiment has no stop time"),
+        "{output:?}"
+    );
     let scenario = folder.path().join("imported/scenario.toml");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         text(&scenario),
         "--in-process",
@@ -244,5 +254,5 @@ fn algebraic_loop_is_refused_unless_it_is_opened() {
         "--out",
         text(&folder.path().join("run")),
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
 }

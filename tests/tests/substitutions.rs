@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use escapement_tests::program::{Folder, Said, orchestrate, root, text};
-use escapement_tests::world::{World, substitution};
+use escapement_tests::fixture::{RunFixture, substitution};
+use escapement_tests::program::{Folder, ProgramOutput, root, run_orchestrator, text};
 use testing::random::SplitMix;
 
 /// The close capture, with a setpoint that moves from the start on, and `faults`.
@@ -53,19 +53,19 @@ fn fault(at: &str, participant: &str, state: &str, parameters: &str) -> String {
     )
 }
 
-fn digest(said: &Said) -> String {
-    assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
-    said.json()["tape_digest"].as_str().unwrap().to_owned()
+fn digest(output: &ProgramOutput) -> String {
+    assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
+    output.json()["tape_digest"].as_str().unwrap().to_owned()
 }
 
 fn run(scenario: &Path, out: &Path, more: &[&str]) -> String {
-    digest(&orchestrate(
+    digest(&run_orchestrator(
         &[&["run", text(scenario), "--json", "--out", text(out)], more].concat(),
     ))
 }
 
 /// The common tape of a run in processes, of one in one process, and of the runs resumed from each of `cuts` in both ways.
-fn one_tape(folder: &Folder, scenario: &Path, name: &str, cuts: &[&str]) -> String {
+fn assert_one_tape(folder: &Folder, scenario: &Path, name: &str, cuts: &[&str]) -> String {
     let out = |way: &str| folder.path().join(format!("{name}-{way}"));
     let saves: Vec<&str> = cuts.iter().flat_map(|cut| ["--checkpoint-at", cut]).collect();
     let whole = run(scenario, &out("processes"), &saves);
@@ -79,15 +79,15 @@ fn one_tape(folder: &Folder, scenario: &Path, name: &str, cuts: &[&str]) -> Stri
         ] {
             let (saved, resumed) = (out(from), out(&format!("resumed-{number}-{to}")));
             let arguments = ["resume", text(&saved), "--from", cut, "--json", "--out", text(&resumed)];
-            let said = orchestrate(&[&arguments, more].concat());
-            assert_eq!(digest(&said), whole, "{name} resumed at {cut} {more:?}");
+            let output = run_orchestrator(&[&arguments, more].concat());
+            assert_eq!(digest(&output), whole, "{name} resumed at {cut} {more:?}");
         }
     }
     whole
 }
 
 #[test]
-fn substitute_without_parameters_has_the_participants_own() {
+fn substitute_without_parameters_has_those_of_participant() {
     let folder = Folder::new("parameters");
     let (other, own) = (
         guidance("start = \"0 s\", point = \"1 s\", grasp = \"4 s\""),
@@ -96,7 +96,7 @@ fn substitute_without_parameters_has_the_participants_own() {
     let twice =
         |second: &str| fault("100 ms", "guidance", "cold", &other) + &fault("200 ms", "guidance", "cold", second);
     let file = scenario(&folder, "twice.toml", &twice(""));
-    let tape = one_tape(&folder, &file, "twice", &["50 ms", "150 ms", "250 ms"]);
+    let tape = assert_one_tape(&folder, &file, "twice", &["50 ms", "150 ms", "250 ms"]);
     // The second substitution states no parameters: it has those of the participant, not those of the previous one.
     let explicit = scenario(&folder, "explicit.toml", &twice(&own));
     assert_eq!(run(&explicit, &folder.path().join("explicit"), &["--in-process"]), tape);
@@ -106,10 +106,10 @@ fn substitute_without_parameters_has_the_participants_own() {
         tape
     );
     // `check` reports whose parameters they are.
-    let said = orchestrate(&["check", text(&file)]);
+    let output = run_orchestrator(&["check", text(&file)]);
     assert!(
-        said.out.contains("its own parameters") && said.out.contains("the same parameters"),
-        "{said:?}"
+        output.out.contains("its own parameters") && output.out.contains("the same parameters"),
+        "{output:?}"
     );
 }
 
@@ -138,7 +138,7 @@ fn any_substitutions_give_one_tape_in_every_way() {
         }
         let name = format!("round-{round}");
         let file = scenario(&folder, &format!("{name}.toml"), &faults);
-        tapes.insert(one_tape(&folder, &file, &name, &["100 ms", "222 ms"]));
+        tapes.insert(assert_one_tape(&folder, &file, &name, &["100 ms", "222 ms"]));
     }
     assert_eq!(tapes.len(), 4, "what is substituted shows on the tape");
 }
@@ -152,11 +152,11 @@ fn replay_substitutes_as_the_run_did() {
     let out = folder.path().join("run");
     run(&file, &out, &[]);
     for mode in [&[][..], &["--process"]] {
-        let said = orchestrate(&[&["replay", text(&out), "--participant", "guidance"], mode].concat());
-        assert_eq!(said.code, Some(0), "{mode:?}: {said:?}");
+        let output = run_orchestrator(&[&["replay", text(&out), "--participant", "guidance"], mode].concat());
+        assert_eq!(output.code, Some(0), "{mode:?}: {output:?}");
     }
     // Another program in its place from the start to the end.
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "replay",
         text(&out),
         "--participant",
@@ -164,7 +164,7 @@ fn replay_substitutes_as_the_run_did() {
         "--set",
         "participants.guidance.run={ builtin = \"guidance\" }",
     ]);
-    assert_eq!(said.code, Some(3), "{said:?}");
+    assert_eq!(output.code, Some(3), "{output:?}");
 }
 
 #[test]
@@ -173,9 +173,9 @@ fn refused_parameters_of_a_substitute_name_their_own_key() {
     let wrong = guidance("start = \"0 s\", point = \"1 s\", grap = \"4 s\"");
     let file = scenario(&folder, "keys.toml", &fault("100 ms", "guidance", "cold", &wrong));
     for command in ["check", "run"] {
-        let said = orchestrate(&[command, text(&file)]);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(said.err.contains("faults.fault-1.parameters.schedule"), "{said:?}");
+        let output = run_orchestrator(&[command, text(&file)]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains("faults.fault-1.parameters.schedule"), "{output:?}");
     }
 }
 
@@ -184,42 +184,42 @@ fn forty_substitutions_take_place() {
     let many: String = (1..=40)
         .map(|k| substitution(&format!("{k}0 ms"), "damper", "keep"))
         .collect();
-    let world = World::with("forty", "damper", &many);
-    let said = world.run("run", &["--duration", "1 s"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert_eq!(world.events("run").matches("\"substitution\"").count(), 40);
-    assert_eq!(world.prefix("run"), 100);
+    let fixture = RunFixture::with_appended("forty", "damper", &many);
+    let output = fixture.run("run", &["--duration", "1 s"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert_eq!(fixture.events("run").matches("\"substitution\"").count(), 40);
+    assert_eq!(fixture.assert_prefix("run"), 100);
     // More substitutions than the limit are rejected before anything starts.
     let more: String = (1..=1001)
         .map(|k| substitution(&format!("{k} ms"), "damper", "cold"))
         .collect();
-    let world = World::with("too-many", "damper", &more);
-    let said = world.run("run", &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let fixture = RunFixture::with_appended("too-many", "damper", &more);
+    let output = fixture.run("run", &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err.contains("faults.fault-1001") && said.err.contains("1000"),
-        "{said:?}"
+        output.err.contains("faults.fault-1001") && output.err.contains("1000"),
+        "{output:?}"
     );
 }
 
 /// The output of `check` for `file` with these options.
-fn check(file: &Path, more: &[&str]) -> Said {
-    orchestrate(&[&["check", text(file)], more].concat())
+fn check(file: &Path, more: &[&str]) -> ProgramOutput {
+    run_orchestrator(&[&["check", text(file)], more].concat())
 }
 
 #[test]
-fn keys_that_are_set_act_on_what_is_substituted() {
+fn set_applies_after_substitute() {
     let folder = Folder::new("in-order");
     let file = scenario(&folder, "in-order.toml", "");
     let wrong = ["--substitute", "controller=builtin:pilot"];
-    let said = check(&file, &wrong);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = check(&file, &wrong);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in [
         "participants.controller.run",
         "no builtin `pilot`",
         "given with --substitute",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+        assert!(output.err.contains(part), "`{part}` is not in {output:?}");
     }
     for (set, code, part) in [
         ("participants.controller.run={ builtin = \"controller\" }", 0, ""),
@@ -231,36 +231,36 @@ fn keys_that_are_set_act_on_what_is_substituted() {
         } else {
             wrong[1]
         };
-        let said = check(&file, &["--set", set, "--substitute", own]);
-        assert_eq!(said.code, Some(code), "{set}: {said:?}");
-        assert!(said.err.contains(part), "{set}: `{part}` is not in {said:?}");
+        let output = check(&file, &["--set", set, "--substitute", own]);
+        assert_eq!(output.code, Some(code), "{set}: {output:?}");
+        assert!(output.err.contains(part), "{set}: `{part}` is not in {output:?}");
     }
 }
 
 #[test]
-fn options_give_what_the_file_leaves_out() {
+fn options_complete_an_incomplete_file() {
     let folder = Folder::new("left-out");
     let whole = std::fs::read_to_string(scenario(&folder, "whole.toml", "")).unwrap();
     let bare = whole
         .replace("duration = \"0.4 s\"\n", "")
         .replace("run = { builtin = \"controller\" }\n", "");
     let file = folder.write("bare.toml", &bare);
-    let said = check(&file, &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = check(&file, &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in [
         "missing field `duration`",
         "participants.controller.run: write { builtin",
     ] {
-        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+        assert!(output.err.contains(part), "`{part}` is not in {output:?}");
     }
     let given = ["--duration", "0.4 s", "--substitute", "controller=builtin:controller"];
     assert_eq!(check(&file, &given).code, Some(0));
-    let said = check(
+    let output = check(
         &file,
         &["--duration", "0.4 s", "--substitute", "nobody=builtin:controller"],
     );
-    assert_eq!(said.code, Some(2), "{said:?}");
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in ["no `nobody`", "given with --substitute", "`guidance`"] {
-        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+        assert!(output.err.contains(part), "`{part}` is not in {output:?}");
     }
 }

@@ -4,21 +4,21 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use escapement_tests::fmus::Recipe;
-use escapement_tests::program::{Folder, Said, built, orchestrate, orchestrator, root, text};
+use escapement_tests::fmus::TestFmu;
+use escapement_tests::program::{Folder, ProgramOutput, built, orchestrator, root, run_orchestrator, text};
 
 /// A folder outside of the workspace.
-struct Outside(PathBuf);
+struct ExternalFolder(PathBuf);
 
-impl Outside {
-    fn new() -> Outside {
+impl ExternalFolder {
+    fn new() -> ExternalFolder {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
         let name = format!("escapement-new-{}-{number}", std::process::id());
         let folder = std::env::temp_dir().join(name);
         std::fs::create_dir_all(&folder).expect("the folder for temporary files can be written");
         assert!(!folder.starts_with(root()), "{}", folder.display());
-        Outside(folder)
+        ExternalFolder(folder)
     }
 
     /// Puts the workspace's profiles where Cargo finds them for every project in this folder, so that nothing already compiled for the
@@ -33,14 +33,14 @@ impl Outside {
     }
 
     /// Runs the program with `arguments` in this folder.
-    fn escapement(&self, arguments: &[&str]) -> Said {
+    fn escapement(&self, arguments: &[&str]) -> ProgramOutput {
         let mut command = Command::new(orchestrator());
         command.args(arguments);
         self.finish(command)
     }
 
     /// Runs the user's command line in this folder.
-    fn shell(&self, script: &str) -> Said {
+    fn shell(&self, script: &str) -> ProgramOutput {
         let mut command = Command::new("sh");
         let path = format!("{}:{}", built().display(), std::env::var("PATH").unwrap_or_default());
         command
@@ -52,23 +52,23 @@ impl Outside {
         self.finish(command)
     }
 
-    fn finish(&self, mut command: Command) -> Said {
-        let said = command.current_dir(&self.0).stdin(Stdio::null()).output();
-        said.expect("the program can be started").into()
+    fn finish(&self, mut command: Command) -> ProgramOutput {
+        let output = command.current_dir(&self.0).stdin(Stdio::null()).output();
+        output.expect("the program can be started").into()
     }
 }
 
-impl Drop for Outside {
+impl Drop for ExternalFolder {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
 /// The commands that `new` printed.
-fn commands(said: &Said) -> String {
-    let (_, next) = said.out.split_once("What to do next:").expect("commands are printed");
+fn printed_commands(output: &ProgramOutput) -> String {
+    let (_, next) = output.out.split_once("What to do next:").expect("commands are printed");
     let lines: Vec<&str> = next.lines().filter_map(|line| line.strip_prefix("    ")).collect();
-    assert!(lines.len() > 2 && lines[0].starts_with("cd "), "{said:?}");
+    assert!(lines.len() > 2 && lines[0].starts_with("cd "), "{output:?}");
     lines.join("\n")
 }
 
@@ -90,10 +90,10 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 /// Writes `template` into a folder of that name, from `given` files, and runs the printed commands.
-fn follow(outside: &Outside, template: &str, folder: &str, given: &[&str]) -> Said {
-    let said = outside.escapement(&[&["new", folder, "--template", template], given].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let listed = said.out.lines().take_while(|line| !line.is_empty());
+fn create_and_run(outside: &ExternalFolder, template: &str, folder: &str, given: &[&str]) -> ProgramOutput {
+    let output = outside.escapement(&[&["new", folder, "--template", template], given].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let listed = output.out.lines().take_while(|line| !line.is_empty());
     let mut listed: Vec<&str> = listed
         .filter_map(|line| line.strip_prefix(&format!("{folder}/")))
         .collect();
@@ -103,21 +103,21 @@ fn follow(outside: &Outside, template: &str, folder: &str, given: &[&str]) -> Sa
         files(&outside.0.join(folder)),
         "what is listed is what is there"
     );
-    let script = commands(&said);
+    let script = printed_commands(&output);
     let done = outside.shell(&script);
     assert_eq!(done.code, Some(0), "{script}\n{done:?}");
     done
 }
 
 fn same_tape(a: &Path, b: &Path) {
-    let said = orchestrate(&["compare", text(a), text(b)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["compare", text(a), text(b)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
 }
 
 #[test]
-fn the_capture_runs_from_its_own_folder() {
-    let outside = Outside::new();
-    follow(&outside, "capture", "a capture", &[]);
+fn capture_template_runs_from_its_own_folder() {
+    let outside = ExternalFolder::new();
+    create_and_run(&outside, "capture", "a capture", &[]);
     let project = outside.0.join("a capture");
     for folder in ["scenarios", "campaigns", "models", "gains"] {
         assert_eq!(
@@ -127,7 +127,7 @@ fn the_capture_runs_from_its_own_folder() {
         );
     }
     let here = outside.0.join("here");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "run",
         "scenarios/close.toml",
         "--out",
@@ -135,35 +135,35 @@ fn the_capture_runs_from_its_own_folder() {
         "--quiet",
         "--in-process",
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
     same_tape(&here, &project.join("runs/close"));
     // Every scenario finds its files, also from another folder.
     for name in files(&project.join("scenarios")) {
         let path = format!("a capture/scenarios/{name}");
-        let said = outside.escapement(&["check", &path, "--json"]);
-        assert_eq!(said.code, Some(0), "{path}: {said:?}");
+        let output = outside.escapement(&["check", &path, "--json"]);
+        assert_eq!(output.code, Some(0), "{path}: {output:?}");
     }
     // Gains find their specification, and the specification finds the robot.
     let margins = "cd 'a capture'; escapement margins gains/pi-diagonal.toml --models 0 --no-flights";
-    let said = outside.shell(margins);
-    assert!(said.out.contains("gamma"), "{said:?}");
+    let output = outside.shell(margins);
+    assert!(output.out.contains("gamma"), "{output:?}");
 }
 
 #[test]
-fn the_spring_is_the_example_without_a_program_of_its_own() {
-    let outside = Outside::new();
-    follow(&outside, "spring", "spring", &[]);
+fn spring_template_has_the_tape_of_the_example() {
+    let outside = ExternalFolder::new();
+    create_and_run(&outside, "spring", "spring", &[]);
     let example = outside.0.join("example");
     let scenario = std::fs::read_to_string(root().join("examples/spring/spring.toml")).expect("the example is there");
     let program = text(&built().join("spring")).to_owned();
     let file = outside.0.join("example.toml");
     std::fs::write(&file, scenario.replace("../../target/release/spring", &program))
         .expect("the folder can be written");
-    let said = orchestrate(&["run", text(&file), "--out", text(&example), "--quiet"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", text(&file), "--out", text(&example), "--quiet"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     same_tape(&example, &outside.0.join("spring/runs/first"));
     // The run can be resumed, and mistakes in its parameters are reported.
-    let said = outside.escapement(&[
+    let output = outside.escapement(&[
         "run",
         "spring/spring.toml",
         "--checkpoint-at",
@@ -172,30 +172,33 @@ fn the_spring_is_the_example_without_a_program_of_its_own() {
         "cut",
         "--quiet",
     ]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let said = outside.escapement(&["resume", "cut", "--out", "again", "--quiet", "--in-process"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let output = outside.escapement(&["resume", "cut", "--out", "again", "--quiet", "--in-process"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     same_tape(&example, &outside.0.join("again"));
     for (set, reason) in [
         ("participants.left.parameters.mass=0 kg", "mass"),
         ("participants.left.parameters.coupling=-1 N/m", "coupling"),
         ("participants.left.parameters.stiffness=9000 kN/m", "shorten the period"),
     ] {
-        let said = outside.escapement(&["check", "spring/spring.toml", "--set", set]);
-        assert!(said.code == Some(2) && said.err.contains(reason), "{set}: {said:?}");
+        let output = outside.escapement(&["check", "spring/spring.toml", "--set", set]);
+        assert!(
+            output.code == Some(2) && output.err.contains(reason),
+            "{set}: {output:?}"
+        );
     }
 }
 
 #[test]
 fn fmus_are_connected_where_names_and_units_fit() {
-    let outside = Outside::new();
+    let outside = ExternalFolder::new();
     let built = Folder::new("fmu-template");
-    let damper = Recipe {
+    let damper = TestFmu {
         damper: true,
-        ..Recipe::new(3)
+        ..TestFmu::new(3)
     };
-    let (spring, damper) = (Recipe::new(2).build(&built, "mass"), damper.build(&built, "brake.v2"));
-    follow(&outside, "fmu", "coupled", &[text(&spring), text(&damper)]);
+    let (spring, damper) = (TestFmu::new(2).build(&built, "mass"), damper.build(&built, "brake.v2"));
+    create_and_run(&outside, "fmu", "coupled", &[text(&spring), text(&damper)]);
     // The files are in the project: it does not depend on where they came from.
     let by_hand = outside.0.join("coupled/by-hand.toml");
     let scenario = "duration = \"10 s\"\n[participants.mass]\nperiod = \"10 ms\"\nrun.fmu = \"fmus/mass.fmu\"\n\
@@ -204,13 +207,13 @@ fn fmus_are_connected_where_names_and_units_fit() {
                     [connections.f]\nfrom = \"brake-v2.outputs.f\"\nto = \"mass.inputs.f\"\n";
     std::fs::write(&by_hand, scenario).expect("the project can be written");
     let expected = outside.0.join("expected");
-    let said = orchestrate(&["run", text(&by_hand), "--out", text(&expected), "--quiet"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", text(&by_hand), "--out", text(&expected), "--quiet"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     same_tape(&expected, &outside.0.join("coupled/runs/first"));
     // Two masses: no output has the name of the input, but the damper has a force output, which is suggested.
     let reference = root().join("tests/fmus/reference/fmi3/Feedthrough.fmu");
     let given = [text(&damper), text(&damper), text(&spring), text(&reference)];
-    follow(&outside, "fmu", "apart", &given);
+    create_and_run(&outside, "fmu", "apart", &given);
     let scenario = std::fs::read_to_string(outside.0.join("apart/scenario.toml")).expect("it was written");
     for words in [
         "[participants.brake-v2-2]",
@@ -237,16 +240,16 @@ fn fmus_are_connected_where_names_and_units_fit() {
         .collect();
     let chosen = outside.0.join("apart/chosen.toml");
     std::fs::write(&chosen, format!("{uncommented}\n{}\n", lines.join("\n"))).expect("the project can be written");
-    let said = orchestrate(&["check", text(&chosen)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert!(said.out.contains("feed-1-0"), "{said:?}");
+    let output = run_orchestrator(&["check", text(&chosen)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert!(output.out.contains("feed-1-0"), "{output:?}");
 }
 
 #[test]
-fn a_program_of_ones_own_builds_and_runs() {
-    let outside = Outside::new();
+fn own_program_template_builds_and_runs() {
+    let outside = ExternalFolder::new();
     outside.compile_as_the_workspace_does();
-    let done = follow(&outside, "rust", "own-lander", &[]);
+    let done = create_and_run(&outside, "rust", "own-lander", &[]);
     assert!(done.out.contains("run folder: runs/lander"), "{done:?}");
     assert!(!done.err.contains(" generated "), "{done:?}");
     let version = outside.shell("cd own-lander; cargo run --release --quiet -- --version");
@@ -260,12 +263,12 @@ fn a_program_of_ones_own_builds_and_runs() {
 }
 
 #[test]
-fn what_cannot_be_written_is_refused_with_what_can_be_done() {
-    let outside = Outside::new();
+fn unwritable_project_is_refused_with_remedy() {
+    let outside = ExternalFolder::new();
     let refuse = |arguments: &[&str], words: &[&str]| {
-        let said = outside.escapement(arguments);
-        assert_eq!(said.code, Some(2), "{said:?}");
-        assert!(words.iter().all(|word| said.err.contains(word)), "{said:?}");
+        let output = outside.escapement(arguments);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(words.iter().all(|word| output.err.contains(word)), "{output:?}");
     };
     std::fs::create_dir(outside.0.join("full")).expect("a folder");
     std::fs::write(outside.0.join("full/x"), "x").expect("a file");
@@ -291,14 +294,17 @@ fn what_cannot_be_written_is_refused_with_what_can_be_done() {
         &["full/x", "takes no files"],
     );
     assert_eq!(files(&outside.0), ["full/x"], "a refusal leaves nothing");
-    let said = outside.escapement(&["new", "--list"]);
-    let names: Vec<&str> = said.out.lines().filter_map(|line| line.split(' ').next()).collect();
-    assert_eq!((said.code, names), (Some(0), vec!["capture", "spring", "fmu", "rust"]));
+    let output = outside.escapement(&["new", "--list"]);
+    let names: Vec<&str> = output.out.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!(
+        (output.code, names),
+        (Some(0), vec!["capture", "spring", "fmu", "rust"])
+    );
     // In the working directory, with the address of a repository instead of a path.
     std::fs::create_dir(outside.0.join("here")).expect("a folder");
-    let said = outside.shell("cd here; escapement new . --template rust --escapement https://host/escapement.git");
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert!(!said.out.contains("    cd "), "{said:?}");
+    let output = outside.shell("cd here; escapement new . --template rust --escapement https://host/escapement.git");
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert!(!output.out.contains("    cd "), "{output:?}");
     let manifest = std::fs::read_to_string(outside.0.join("here/Cargo.toml")).expect("a manifest");
     assert!(manifest.contains("name = \"here\""), "{manifest}");
     assert!(

@@ -1,6 +1,6 @@
 //! Times that a run does not have are rejected by the option that names them; events after its end are reported.
 
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 
 /// Every instant and every time span on the command line: negative, zero, after the end, and not a number.
 #[test]
@@ -34,10 +34,10 @@ fn time_outside_the_run_is_refused_with_option_and_value() {
         ("faults", "--at", "35s", "not before the end"),
     ] {
         let given = format!("{option}={value}");
-        let said = orchestrate(&[command, text(&scenario), &given, "--out", text(&out)]);
-        assert_eq!(said.code, Some(2), "{given}: {said:?}");
+        let output = run_orchestrator(&[command, text(&scenario), &given, "--out", text(&out)]);
+        assert_eq!(output.code, Some(2), "{given}: {output:?}");
         for part in [option, part] {
-            assert!(said.err.contains(part), "{given}: `{part}` is not in {said:?}");
+            assert!(output.err.contains(part), "{given}: `{part}` is not in {output:?}");
         }
     }
     assert!(!out.exists(), "nothing is written");
@@ -48,20 +48,20 @@ fn time_outside_the_run_is_refused_with_option_and_value() {
         ("--patience", "0s"),
     ] {
         let given = format!("{option}={value}");
-        let said = orchestrate(&["replay", text(&out), "--participant", "plant", &given]);
-        assert_eq!(said.code, Some(2), "{given}: {said:?}");
-        assert!(said.err.contains(option), "{given}: {said:?}");
+        let output = run_orchestrator(&["replay", text(&out), "--participant", "plant", &given]);
+        assert_eq!(output.code, Some(2), "{given}: {output:?}");
+        assert!(output.err.contains(option), "{given}: {output:?}");
     }
-    let said = orchestrate(&["resume", text(&out), "--from=-1s"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("--from"), "{said:?}");
+    let output = run_orchestrator(&["resume", text(&out), "--from=-1s"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("--from"), "{output:?}");
 }
 
 /// Events after the end of a shortened run are no mistake, but they are reported.
 #[test]
-fn fault_and_offset_behind_the_end_are_warned_of() {
+fn fault_and_offset_after_the_end_are_warned_of() {
     let scenario = root().join("scenarios/close.toml");
-    let check = |more: &[&str]| orchestrate(&[&["check", text(&scenario)], more].concat());
+    let check = |more: &[&str]| run_orchestrator(&[&["check", text(&scenario)], more].concat());
     let fault = "name=late,at=12s,input=controller.measured,field=q[3],kind=bias,value=0.2deg";
     let within = check(&["--fault", fault]);
     assert_eq!(

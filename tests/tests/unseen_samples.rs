@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use engine::Catalogue;
 use engine::run::{Ending, Options, Outcome, Record, Run};
 use engine::scenario::Scenario;
-use escapement_tests::parts::{Damper, Motion, Push, inside};
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use escapement_tests::participants::{Damper, Motion, Push, in_process_options};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 use lockstep::participant::{
     Failure, InputPort, Inputs, Interface, Kind, OutputPort, Outputs, Participant, Ports, Step,
 };
@@ -144,7 +144,7 @@ fn outputs_are_computed_where_they_are_seen() {
             [READ, 0],
         ),
     ] {
-        let (outcome, counts) = run(more, &inside(kept));
+        let (outcome, counts) = run(more, &in_process_options(kept));
         assert_eq!(counts, computed, "{more} {kept:?}");
         assert_eq!(outcome.digest.is_some(), kept != Record::Nothing);
     }
@@ -152,11 +152,11 @@ fn outputs_are_computed_where_they_are_seen() {
     let options = Options {
         record: Record::Folder,
         out: Some(folder.path().join("run")),
-        ..inside(Record::Folder)
+        ..in_process_options(Record::Folder)
     };
     assert_eq!(run(&record("{ to = \"9 ms\" }"), &options).1, [READ, 10]);
     let (scenario, counts) = scenario("");
-    let mut run = Run::start(&scenario, &inside(Record::Nothing)).unwrap();
+    let mut run = Run::start(&scenario, &in_process_options(Record::Nothing)).unwrap();
     assert!(run.newest("plant.detail").unwrap().get::<Motion>().unwrap().position > 0.9);
     run.run_to("2 s").unwrap();
     assert_eq!(run.end().unwrap().ending, Ending::Complete);
@@ -165,12 +165,12 @@ fn outputs_are_computed_where_they_are_seen() {
 
 #[test]
 fn figures_do_not_depend_on_what_else_is_seen() {
-    let figures = |record| run(MEASURE, &inside(record)).0.figures.unwrap().measures;
+    let figures = |record| run(MEASURE, &in_process_options(record)).0.figures.unwrap().measures;
     assert_eq!(figures(Record::Nothing), figures(Record::Memory));
 }
 
 /// A stock scenario without its assessment, which reads the true state.
-fn unjudged(folder: &Folder, name: &str) -> PathBuf {
+fn write_unassessed(folder: &Folder, name: &str) -> PathBuf {
     for shared in ["models", "gains"] {
         let link = folder.path().join(shared);
         if !link.exists() {
@@ -215,7 +215,7 @@ fn stock_plant_gives_the_same_bits_whatever_is_seen() {
         ("realistic.toml", &stuck),
         ("capture-and-stabilise.toml", &gripped),
     ] {
-        let scenario = unjudged(&folder, name);
+        let scenario = write_unassessed(&folder, name);
         let run = |out: &str, how: &[&str]| {
             let out = folder.path().join(out);
             let mut arguments = vec![
@@ -229,8 +229,8 @@ fn stock_plant_gives_the_same_bits_whatever_is_seen() {
                 text(&out),
             ];
             arguments.extend(more);
-            let said = orchestrate(&[&arguments, how].concat());
-            assert_eq!(said.code, Some(0), "{said:?}");
+            let output = run_orchestrator(&[&arguments, how].concat());
+            assert_eq!(output.code, Some(0), "{output:?}");
             samples(&out)
         };
         let whole = run("whole", &["--in-process"]);
@@ -255,7 +255,7 @@ fn stock_plant_gives_the_same_bits_whatever_is_seen() {
 }
 
 #[test]
-fn campaign_has_the_digests_of_whole_tapes_where_they_are_asked_for() {
+fn campaign_has_whole_tape_digests_on_request() {
     let folder = Folder::new("seen-campaign");
     let scenario = root().join("scenarios/close.toml");
     let sweep = |out: &str, more: &[&str]| {
@@ -270,10 +270,10 @@ fn campaign_has_the_digests_of_whole_tapes_where_they_are_asked_for() {
             "--json",
             "--out",
         ];
-        let said = orchestrate(&[&common[..], &[text(&out)], more].concat());
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_orchestrator(&[&common[..], &[text(&out)], more].concat());
+        assert_eq!(output.code, Some(0), "{output:?}");
         let table = std::fs::read_to_string(out.join("table.csv")).unwrap();
-        (said.json(), table.lines().next().unwrap().to_owned())
+        (output.json(), table.lines().next().unwrap().to_owned())
     };
     let (plain, plain_head) = sweep("plain", &[]);
     let (with, with_head) = sweep("with", &["--digest"]);
@@ -282,7 +282,7 @@ fn campaign_has_the_digests_of_whole_tapes_where_they_are_asked_for() {
         "{with_head}"
     );
     let out = folder.path().join("run");
-    let ran = orchestrate(&[
+    let ran = run_orchestrator(&[
         "run",
         text(&scenario),
         "--duration",
@@ -314,6 +314,6 @@ fn campaign_has_the_digests_of_whole_tapes_where_they_are_asked_for() {
         "--out",
         text(&plain),
     ];
-    let said = orchestrate(&both);
-    assert!(said.code == Some(2) && said.err.contains("--digest"), "{said:?}");
+    let output = run_orchestrator(&both);
+    assert!(output.code == Some(2) && output.err.contains("--digest"), "{output:?}");
 }

@@ -9,9 +9,9 @@ use std::time::Duration;
 use engine::Catalogue;
 use engine::run::{Ending, Options, Outcome, Overrun, Record};
 use engine::scenario::Scenario;
-use escapement_tests::parts::{Damper, Oscillator};
-use escapement_tests::program::{Folder, orchestrate, root, text};
-use escapement_tests::world::World;
+use escapement_tests::fixture::RunFixture;
+use escapement_tests::participants::{Damper, Oscillator};
+use escapement_tests::program::{Folder, root, run_orchestrator, text};
 use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
 use serde_json::Value;
 
@@ -40,7 +40,7 @@ impl Participant for Slow {
 }
 
 /// A run in one loop of an oscillator and a damper that needs 3 ms for each of its ten steps.
-fn in_one_loop(options: Options) -> Outcome {
+fn run_in_one_loop(options: Options) -> Outcome {
     let catalogue = Catalogue::new("tests")
         .participant("oscillator", Oscillator::factory)
         .participant("slow", Slow::factory);
@@ -61,17 +61,19 @@ fn in_one_loop(options: Options) -> Outcome {
 }
 
 #[test]
-fn pace_that_is_not_kept_is_reported_with_who_was_late() {
-    let world = World::new("late", "slow");
+fn missed_pace_is_reported_with_the_late_participant() {
+    let fixture = RunFixture::new("late", "slow");
     // Ten times the wall clock's pace: the damper has 1 ms for a step that takes 3.
-    let said = world.run("paced", &["--duration", "1 s", "--real-time=10", "--json"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = fixture.run("paced", &["--duration", "1 s", "--real-time=10", "--json"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     assert!(
-        said.err.contains("the pace was not kept")
-            && said.err.contains("late: `damper` (100 of 100 steps worked for longer"),
-        "{said:?}"
+        output.err.contains("the pace was not kept")
+            && output
+                .err
+                .contains("late: `damper` (100 of 100 steps worked for longer"),
+        "{output:?}"
     );
-    let summary: Value = serde_json::from_str(&said.out).unwrap();
+    let summary: Value = serde_json::from_str(&output.out).unwrap();
     let pace = &summary["pace"];
     assert_eq!(
         (&pace["kept"], &pace["asked"]),
@@ -93,17 +95,17 @@ fn pace_that_is_not_kept_is_reported_with_who_was_late() {
         pace["participants"]["damper"]["overruns"].as_u64() >= Some(99),
         "{pace}"
     );
-    let kept = std::fs::read(world.path("paced/summary.json")).unwrap();
+    let kept = std::fs::read(fixture.path("paced/summary.json")).unwrap();
     assert_eq!(serde_json::from_slice::<Value>(&kept).unwrap(), summary);
     // The tape is unchanged.
-    assert_eq!(world.prefix("paced"), 100);
+    assert_eq!(fixture.assert_prefix("paced"), 100);
 }
 
 #[test]
-fn pace_in_one_loop_is_looked_at_like_in_processes() {
-    let free = in_one_loop(Options::default());
+fn pace_in_one_loop_is_checked_as_in_processes() {
+    let free = run_in_one_loop(Options::default());
     assert!(free.punctuality.is_none());
-    let paced = in_one_loop(Options {
+    let paced = run_in_one_loop(Options {
         pace: Some(10.0),
         ..Options::default()
     });
@@ -124,16 +126,16 @@ fn pace_in_one_loop_is_looked_at_like_in_processes() {
 }
 
 #[test]
-fn overrun_ends_a_run_that_is_to_stop_there() {
-    let world = World::new("overrun", "slow");
-    let said = world.run("stopped", &["--real-time=10", "--overrun", "stop", "--quiet"]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+fn overrun_ends_a_run_with_overrun_stop() {
+    let fixture = RunFixture::new("overrun", "slow");
+    let output = fixture.run("stopped", &["--real-time=10", "--overrun", "stop", "--quiet"]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     assert!(
-        said.err.contains("overrun at t = ") && said.err.contains("without --overrun stop"),
-        "{said:?}"
+        output.err.contains("overrun at t = ") && output.err.contains("without --overrun stop"),
+        "{output:?}"
     );
-    assert!(world.prefix("stopped") < 1000);
-    let stopped = in_one_loop(Options {
+    assert!(fixture.assert_prefix("stopped") < 1000);
+    let stopped = run_in_one_loop(Options {
         pace: Some(10.0),
         overrun: Overrun::Stop,
         ..Options::default()
@@ -143,9 +145,9 @@ fn overrun_ends_a_run_that_is_to_stop_there() {
         "{:?}",
         stopped.ending
     );
-    let said = world.run("refused", &["--overrun", "stop"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("--real-time"), "{said:?}");
+    let output = fixture.run("refused", &["--overrun", "stop"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("--real-time"), "{output:?}");
 }
 
 /// The spans of a trace by participant, in the order of their start, and its other events.
@@ -188,14 +190,14 @@ fn assert_all_steps(spans: &[Value], activations: u64) {
 }
 
 #[test]
-fn trace_has_every_step_and_what_was_waited_for() {
-    let world = World::new("traced", "damper");
-    let file = world.path("trace.json");
-    let said = world.run("run", &["--trace", text(&file), "--json"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    world.same_as_undisturbed("run");
+fn trace_has_every_step_and_its_wait_reasons() {
+    let fixture = RunFixture::new("traced", "damper");
+    let file = fixture.path("trace.json");
+    let output = fixture.run("run", &["--trace", text(&file), "--json"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    fixture.assert_same_as_undisturbed("run");
     let (spans, marks) = read_trace(&file);
-    let summary: Value = serde_json::from_str(&said.out).unwrap();
+    let summary: Value = serde_json::from_str(&output.out).unwrap();
     assert_eq!(
         (marks.len(), &summary["trace"]["missing"]),
         (0, &Value::from(0)),
@@ -204,8 +206,8 @@ fn trace_has_every_step_and_what_was_waited_for() {
     assert_eq!(summary["trace"]["spans"], spans.values().map(Vec::len).sum::<usize>());
     assert_all_steps(&spans["plant"], 10_000);
     assert_all_steps(&spans["damper"], 1000);
-    let waits = |who: &str, name: &str| {
-        let own = spans[who].iter().filter(|span| span["name"] == name);
+    let waits = |participant_name: &str, name: &str| {
+        let own = spans[participant_name].iter().filter(|span| span["name"] == name);
         own.cloned().collect::<Vec<_>>()
     };
     // Sampled and without a delay: the plant cannot step before the damper has answered.
@@ -236,58 +238,62 @@ fn trace_of_one_loop_has_the_steps_of_all_participants() {
     let close = root().join("scenarios/close.toml");
     let common = ["--in-process", "--duration", "1 s", "--quiet"];
     let named = ["run", text(&close), "--out", text(&out), "--trace", text(&file)];
-    let said = orchestrate(&[&named[..], &common].concat());
-    assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+    let output = run_orchestrator(&[&named[..], &common].concat());
+    assert!(matches!(output.code, Some(0 | 3)), "{output:?}");
     let (spans, marks) = read_trace(&file);
     assert!(marks.is_empty(), "{marks:?}");
-    for (who, activations) in [("plant", 1000), ("controller", 100), ("guidance", 100)] {
-        assert_all_steps(&spans[who], activations);
+    for (participant_name, activations) in [("plant", 1000), ("controller", 100), ("guidance", 100)] {
+        assert_all_steps(&spans[participant_name], activations);
     }
 }
 
 #[test]
-fn what_was_written_into_a_run_folder_on_request_is_replaced_with_the_run() {
-    let world = World::new("within", "damper");
-    let out = world.path("run");
+fn requested_files_in_a_run_folder_are_replaced_with_the_run() {
+    let fixture = RunFixture::new("within", "damper");
+    let out = fixture.path("run");
     let within = |name: &str| out.join(name);
     let trace = within("trace.json");
     for _ in 0..2 {
-        let said = world.run("run", &["--duration", "1 s", "--force", "--trace", text(&trace)]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = fixture.run("run", &["--duration", "1 s", "--force", "--trace", text(&trace)]);
+        assert_eq!(output.code, Some(0), "{output:?}");
         let (page, figures, csv) = (within("mine.html"), within("figures"), within("csv"));
         for arguments in [
             &["report", text(&out), "--out", text(&page), "--figures", text(&figures)][..],
             &["export", text(&out), "--to", "csv", "--out", text(&csv)],
         ] {
-            let said = orchestrate(arguments);
-            assert_eq!(said.code, Some(0), "{said:?}");
+            let output = run_orchestrator(arguments);
+            assert_eq!(output.code, Some(0), "{output:?}");
         }
     }
     std::fs::write(within("csv/notes.txt"), "work of years").unwrap();
-    let said = world.run("run", &["--duration", "1 s", "--force"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
-    assert!(said.err.contains("`csv/notes.txt` in it does not belong"), "{said:?}");
+    let output = fixture.run("run", &["--duration", "1 s", "--force"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(
+        output.err.contains("`csv/notes.txt` in it does not belong"),
+        "{output:?}"
+    );
     assert!(within("csv/notes.txt").exists() && trace.exists());
 }
 
 #[test]
 fn trace_that_cannot_be_written_is_refused() {
-    let world = World::new("untraceable", "damper");
-    let said = world.run("run", &["--trace", "/no/such/folder/trace.json"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let fixture = RunFixture::new("untraceable", "damper");
+    let output = fixture.run("run", &["--trace", "/no/such/folder/trace.json"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err
+        output
+            .err
             .contains("--trace /no/such/folder/trace.json: cannot be written"),
-        "{said:?}"
+        "{output:?}"
     );
-    assert!(!world.path("run").exists());
+    assert!(!fixture.path("run").exists());
 }
 
 #[test]
-fn trace_that_is_incomplete_is_said_to_be() {
-    let world = World::new("full", "damper");
-    let said = world.run("run", &["--trace", "/dev/full"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let told = "trace: /dev/full is incomplete: No space left on device";
-    assert!(said.out.contains(told), "{said:?}");
+fn incomplete_trace_is_marked_as_incomplete() {
+    let fixture = RunFixture::new("full", "damper");
+    let output = fixture.run("run", &["--trace", "/dev/full"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let expected = "trace: /dev/full is incomplete: No space left on device";
+    assert!(output.out.contains(expected), "{output:?}");
 }

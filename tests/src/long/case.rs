@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::Dice;
+use super::Rng;
 use crate::program::{participant, root, spring};
 
 /// The kind of participant in a slot, as far as the tests depend on it.
@@ -19,7 +19,7 @@ pub(super) enum Role {
 
 /// A participant of a case.
 #[derive(Debug, Clone)]
-pub(super) struct Seat {
+pub(super) struct Slot {
     pub(super) name: String,
     pub(super) role: Role,
 }
@@ -27,7 +27,7 @@ pub(super) struct Seat {
 /// A scenario.
 #[derive(Debug, Clone)]
 pub(super) struct Case {
-    pub(super) seats: Vec<Seat>,
+    pub(super) slots: Vec<Slot>,
     /// Simulated time.
     pub(super) duration_ms: u64,
     /// The exit code of a run that is complete.
@@ -45,18 +45,18 @@ enum Source {
 
 impl Case {
     /// The case `number` of `seed`: the full one, or the short one for a start.
-    pub(super) fn draw(seed: u64, number: u64, short: bool) -> Case {
-        let mut dice = Dice::new(seed, &format!("case {number}"));
+    pub(super) fn random(seed: u64, number: u64, short: bool) -> Case {
+        let mut rng = Rng::new(seed, &format!("case {number}"));
         // Every kind occurs in any six consecutive cases.
         match number % 6 {
-            0 | 3 => pairs(&mut dice, 1, short),
+            0 | 3 => oscillator_ring(&mut rng, 1, short),
             1 => {
-                let count = dice.between(2, 3);
-                pairs(&mut dice, count, short)
+                let count = rng.between(2, 3);
+                oscillator_ring(&mut rng, count, short)
             }
-            2 => fan(&mut dice, short),
-            4 => springs(&mut dice, short),
-            _ => capture(&mut dice, short),
+            2 => one_to_many(&mut rng, short),
+            4 => spring_ring(&mut rng, short),
+            _ => capture(&mut rng, short),
         }
     }
 
@@ -75,113 +75,113 @@ impl Case {
     }
 
     /// Whether its participants can be saved.
-    pub(super) fn saved(&self) -> bool {
-        self.seats.iter().all(|seat| seat.role != Role::Unsaved)
+    pub(super) fn can_be_saved(&self) -> bool {
+        self.slots.iter().all(|slot| slot.role != Role::Unsaved)
     }
 }
 
 /// A scenario under construction.
-struct Draft {
+struct CaseBuilder {
     text: String,
-    seats: Vec<Seat>,
+    slots: Vec<Slot>,
     duration_ms: u64,
     short: bool,
 }
 
-impl Draft {
-    fn new(dice: &mut Dice, short: bool) -> Draft {
-        let duration_ms = if short { dice.between(10, 40) } else { 5000 };
-        Draft {
-            text: format!("duration = \"10 s\"\nseed = {}\n", dice.between(1, 1000)),
-            seats: Vec::new(),
+impl CaseBuilder {
+    fn new(rng: &mut Rng, short: bool) -> CaseBuilder {
+        let duration_ms = if short { rng.between(10, 40) } else { 5000 };
+        CaseBuilder {
+            text: format!("duration = \"10 s\"\nseed = {}\n", rng.between(1, 1000)),
+            slots: Vec::new(),
             duration_ms,
             short,
         }
     }
 
-    fn add(&mut self, text: impl std::fmt::Display) {
+    fn push_line(&mut self, text: impl std::fmt::Display) {
         writeln!(self.text, "{text}").expect("a string takes everything");
     }
 
-    fn seat(&mut self, name: &str, role: Role, exe: &Path, period: &str, more: &str) {
-        self.seats.push(Seat {
+    fn add_participant(&mut self, name: &str, role: Role, exe: &Path, period: &str, more: &str) {
+        self.slots.push(Slot {
             name: name.to_owned(),
             role,
         });
         let exe = exe.display();
-        self.add(format_args!(
+        self.push_line(format_args!(
             "\n[participants.{name}]\nrun = {{ exe = \"{exe}\" }}\nperiod = \"{period}\"\n{more}"
         ));
     }
 
-    fn oscillator(&mut self, name: &str) {
-        self.seat(name, Role::Stateful, &participant("oscillator"), "1 ms", "");
+    fn add_oscillator(&mut self, name: &str) {
+        self.add_participant(name, Role::Stateful, &participant("oscillator"), "1 ms", "");
     }
 
-    fn damper(&mut self, dice: &mut Dice, name: &str) {
-        let period = dice.pick(&["10 ms", "10 ms", "5 ms", "1/90 s"]);
-        self.seat(name, Role::Damper, &participant("damper"), period, "");
+    fn add_damper(&mut self, rng: &mut Rng, name: &str) {
+        let period = rng.choose(&["10 ms", "10 ms", "5 ms", "1/90 s"]);
+        self.add_participant(name, Role::Damper, &participant("damper"), period, "");
     }
 
     /// A connection with random delay, jitter, drops and start value.
-    fn link(&mut self, dice: &mut Dice, name: &str, from: &str, to: &str) {
-        self.add(format_args!("\n[connections.{name}]\nfrom = \"{from}\"\nto = \"{to}\""));
-        let delay = dice.pick(&["0 ms", "0 ms", "3 ms", "1/300 s", "20 ms"]);
-        self.add(format_args!("delay = \"{delay}\""));
-        if dice.one_in(4) {
-            self.add("jitter = \"5 ms\"");
+    fn add_connection(&mut self, rng: &mut Rng, name: &str, from: &str, to: &str) {
+        self.push_line(format_args!("\n[connections.{name}]\nfrom = \"{from}\"\nto = \"{to}\""));
+        let delay = rng.choose(&["0 ms", "0 ms", "3 ms", "1/300 s", "20 ms"]);
+        self.push_line(format_args!("delay = \"{delay}\""));
+        if rng.one_in(4) {
+            self.push_line("jitter = \"5 ms\"");
         }
-        if dice.one_in(5) {
-            let hold = dice.pick(&["last", "initial"]);
-            self.add(format_args!("drop = 0.05\nhold = \"{hold}\""));
+        if rng.one_in(5) {
+            let hold = rng.choose(&["last", "initial"]);
+            self.push_line(format_args!("drop = 0.05\nhold = \"{hold}\""));
         }
     }
 
     /// Signal faults, link faults, a guard that is never violated, and substitutions that keep the state.
-    fn trouble(&mut self, dice: &mut Dice, damper: &str, plant: &str) {
+    fn add_faults(&mut self, rng: &mut Rng, damper: &str, plant: &str) {
         if self.short {
             return;
         }
-        if dice.one_in(2) {
-            let (at, until) = (dice.below(2000), dice.between(2500, 4500));
-            let kind = dice.pick(&[
+        if rng.one_in(2) {
+            let (at, until) = (rng.below(2000), rng.between(2500, 4500));
+            let kind = rng.choose(&[
                 "field = \"velocity\"\nkind = \"bias\"\nvalue = \"0.1 m/s\"",
                 "field = \"velocity\"\nkind = \"noise\"\nvalue = \"0.01 m/s\"",
                 "kind = \"stuck\"",
                 "kind = \"dropout\"\nprobability = 0.2",
             ]);
-            let port = dice.pick(&["input", "output"]);
+            let port = rng.choose(&["input", "output"]);
             let port = match port {
                 "input" => format!("input = \"{damper}.motion\""),
                 _ => format!("output = \"{plant}.motion\""),
             };
-            self.add(format_args!(
+            self.push_line(format_args!(
                 "\n[[faults]]\nname = \"sensor\"\nat = \"{at} ms\"\nuntil = \"{until} ms\"\n{port}\n{kind}"
             ));
         }
-        if dice.one_in(3) {
-            let at = dice.below(4000);
-            self.add(format_args!(
+        if rng.one_in(3) {
+            let at = rng.below(4000);
+            self.push_line(format_args!(
                 "\n[[faults]]\nname = \"link\"\nat = \"{at} ms\"\nconnection = \"push\"\ndrop = 0.2\nextra-delay = \"20 ms\""
             ));
         }
-        if dice.one_in(2) {
-            self.add(format_args!(
+        if rng.one_in(2) {
+            self.push_line(format_args!(
                 "\n[guards.finite]\noutput = \"{plant}.motion\"\nfield = \"position\"\nrange = \"[-1e9, 1e9] m\""
             ));
         }
-        for _ in 0..dice.below(3) {
-            let (at, exe) = (dice.below(5000), participant("damper"));
-            self.add(format_args!(
+        for _ in 0..rng.below(3) {
+            let (at, exe) = (rng.below(5000), participant("damper"));
+            self.push_line(format_args!(
                 "\n[[faults]]\nat = \"{at} ms\"\nsubstitute = \"{damper}\"\nrun = {{ exe = \"{}\" }}\nstate = \"keep\"",
                 exe.display()
             ));
         }
     }
 
-    fn done(self) -> Case {
+    fn build(self) -> Case {
         Case {
-            seats: self.seats,
+            slots: self.slots,
             duration_ms: self.duration_ms,
             code: 0,
             source: Source::Text(self.text),
@@ -190,88 +190,88 @@ impl Draft {
 }
 
 /// `count` oscillators with a damper each, in a ring: a damper reads its own oscillator and pushes the next one.
-fn pairs(dice: &mut Dice, count: u64, short: bool) -> Case {
-    let mut draft = Draft::new(dice, short);
+fn oscillator_ring(rng: &mut Rng, count: u64, short: bool) -> Case {
+    let mut builder = CaseBuilder::new(rng, short);
     let number = |name: &str, at: u64| match at {
         0 => name.to_owned(),
         _ => format!("{name}-{at}"),
     };
     for at in 0..count {
-        draft.oscillator(&number("plant", at));
-        draft.damper(dice, &number("damper", at));
+        builder.add_oscillator(&number("plant", at));
+        builder.add_damper(rng, &number("damper", at));
     }
     for at in 0..count {
         let (plant, damper) = (number("plant", at), number("damper", at));
         let next = number("plant", (at + 1) % count);
         let motion = (format!("{plant}.motion"), format!("{damper}.motion"));
-        draft.link(dice, &number("motion", at), &motion.0, &motion.1);
-        draft.link(
-            dice,
+        builder.add_connection(rng, &number("motion", at), &motion.0, &motion.1);
+        builder.add_connection(
+            rng,
             &number("push", at),
             &format!("{damper}.push"),
             &format!("{next}.push"),
         );
     }
-    draft.trouble(dice, "damper", "plant");
-    draft.done()
+    builder.add_faults(rng, "damper", "plant");
+    builder.build()
 }
 
 /// One oscillator that several dampers read and one of them pushes; the output of the others is only recorded.
-fn fan(dice: &mut Dice, short: bool) -> Case {
-    let mut draft = Draft::new(dice, short);
-    draft.oscillator("plant");
+fn one_to_many(rng: &mut Rng, short: bool) -> Case {
+    let mut builder = CaseBuilder::new(rng, short);
+    builder.add_oscillator("plant");
     let mut readers = Vec::new();
-    for at in 0..dice.between(2, 4) {
+    for at in 0..rng.between(2, 4) {
         let name = if at == 0 {
             "damper".to_owned()
         } else {
             format!("damper-{at}")
         };
-        draft.damper(dice, &name);
+        builder.add_damper(rng, &name);
         readers.push(format!("{name}.motion"));
     }
     // A list of readers in one connection, which creates one link for each.
-    draft.add(format_args!(
+    builder.push_line(format_args!(
         "\n[connections.motion]\nfrom = \"plant.motion\"\nto = {readers:?}\njitter = \"2 ms\"\ninitial = \"first-sample\""
     ));
-    draft.link(dice, "push", "damper.push", "plant.push");
-    draft.trouble(dice, "damper", "plant");
-    draft.done()
+    builder.add_connection(rng, "push", "damper.push", "plant.push");
+    builder.add_faults(rng, "damper", "plant");
+    builder.build()
 }
 
 /// A ring of springs, each pulled by the one before it: the program of `examples/spring`.
-fn springs(dice: &mut Dice, short: bool) -> Case {
-    let mut draft = Draft::new(dice, short);
-    let count = dice.between(2, 5);
+fn spring_ring(rng: &mut Rng, short: bool) -> Case {
+    let mut builder = CaseBuilder::new(rng, short);
+    let count = rng.between(2, 5);
     for at in 0..count {
-        let period = dice.pick(&["1 ms", "2 ms", "1/300 s"]);
+        let period = rng.choose(&["1 ms", "2 ms", "1/300 s"]);
         let parameters = format!("parameters = {{ position = 0.{} }}", at + 1);
-        draft.seat(&format!("spring-{at}"), Role::Unsaved, &spring(), period, &parameters);
+        builder.add_participant(&format!("spring-{at}"), Role::Unsaved, &spring(), period, &parameters);
     }
     for at in 0..count {
         let (from, to) = (at, (at + 1) % count);
-        draft.link(
-            dice,
+        builder.add_connection(
+            rng,
             &format!("pull-{at}"),
             &format!("spring-{from}.motion"),
             &format!("spring-{to}.neighbour"),
         );
     }
-    draft.done()
+    builder.build()
 }
 
 /// The stock close capture, which ends long before the grasp: complete, and not captured.
-fn capture(dice: &mut Dice, short: bool) -> Case {
-    let seats = ["plant", "controller", "guidance"].map(|name| Seat {
+fn capture(rng: &mut Rng, short: bool) -> Case {
+    let slots = ["plant", "controller", "guidance"].map(|name| Slot {
         name: name.to_owned(),
         role: Role::Stateful,
     });
     Case {
-        seats: seats.to_vec(),
+        slots: slots.to_vec(),
         duration_ms: if short {
-            dice.between(10, 40)
+            rng.between(10, 40)
         } else {
-            dice.between(800, 2000)
+            rng.between(800, 2000)
         },
         code: 3,
         source: Source::Capture,

@@ -6,17 +6,17 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::{Check, demand, equal};
+use super::{CheckResult, ensure, ensure_equal};
 use crate::machine;
-use crate::program::orchestrate;
+use crate::program::run_orchestrator;
 
-fn json(path: &Path) -> Check<Value> {
+fn json(path: &Path) -> CheckResult<Value> {
     let bytes = fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
     serde_json::from_slice(&bytes).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// The undisturbed run of a case.
-pub(super) struct Reference {
+pub(super) struct ReferenceRun {
     pub(super) folder: PathBuf,
     /// The streams, with the size of their files and of a record, in the order of the index.
     streams: Vec<(String, Vec<u8>, usize)>,
@@ -25,19 +25,19 @@ pub(super) struct Reference {
 
 /// The part of the undisturbed tape that a run has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Part {
+pub(super) enum TapeExtent {
     Nothing,
     Prefix,
     Whole,
 }
 
-impl Reference {
+impl ReferenceRun {
     /// Reads the tape of a complete run.
-    pub(super) fn read(folder: PathBuf) -> Check<Reference> {
+    pub(super) fn read(folder: PathBuf) -> CheckResult<ReferenceRun> {
         let tape = folder.join("tape");
         let index = json(&tape.join("index.json"))?;
         let streams = index["streams"].as_array().cloned().unwrap_or_default().into_iter();
-        let streams: Check<Vec<_>> = streams
+        let streams: CheckResult<Vec<_>> = streams
             .map(|stream| {
                 let file = stream["file"].as_str().unwrap_or_default().to_owned();
                 let bytes = fs::read(tape.join(&file)).map_err(|error| format!("{file}: {error}"))?;
@@ -46,11 +46,11 @@ impl Reference {
             })
             .collect();
         let streams = streams?;
-        demand(streams.iter().any(|(_, bytes, _)| !bytes.is_empty()), || {
+        ensure(streams.iter().any(|(_, bytes, _)| !bytes.is_empty()), || {
             "the undisturbed tape is empty".into()
         })?;
         let seal = json(&tape.join("seal.json"))?;
-        Ok(Reference {
+        Ok(ReferenceRun {
             folder,
             streams,
             digest: seal["digest"].as_str().unwrap_or_default().to_owned(),
@@ -79,25 +79,25 @@ impl Reference {
 
     /// Compares the tape in the run folder `run` with the undisturbed one. `torn`: its writer was killed, so that the last record of a
     /// stream may be incomplete.
-    pub(super) fn part(&self, run: &Path, torn: bool) -> Check<Part> {
+    pub(super) fn part(&self, run: &Path, torn: bool) -> CheckResult<TapeExtent> {
         let tape = run.join("tape");
         if !tape.join("index.json").exists() {
-            return Ok(Part::Nothing);
+            return Ok(TapeExtent::Nothing);
         }
-        equal(
+        ensure_equal(
             "index.json of the tape",
             &json(&tape.join("index.json")).or_else(|error| if torn { Ok(Value::Null) } else { Err(error) })?,
             &json(&self.folder.join("tape/index.json"))?,
         )
         .or_else(|error| if torn { Ok(()) } else { Err(error) })?;
-        let mut part = Part::Whole;
+        let mut part = TapeExtent::Whole;
         for (file, whole, record) in &self.streams {
             let bytes = match fs::read(tape.join(file)) {
                 Ok(bytes) => bytes,
                 Err(_) if torn => Vec::new(),
                 Err(error) => return Err(format!("{file}: {error}")),
             };
-            demand(whole.starts_with(&bytes), || {
+            ensure(whole.starts_with(&bytes), || {
                 let same = whole.iter().zip(&bytes).take_while(|(a, b)| a == b).count();
                 format!(
                     "{} is no prefix of the undisturbed tape: {} bytes of {}, different from sample {} on",
@@ -107,18 +107,18 @@ impl Reference {
                     same / record
                 )
             })?;
-            demand(torn || bytes.len() % record == 0, || {
+            ensure(torn || bytes.len() % record == 0, || {
                 format!("{file} ends within a sample")
             })?;
             if bytes.len() < whole.len() {
-                part = Part::Prefix;
+                part = TapeExtent::Prefix;
             }
         }
         let events = fs::read_to_string(tape.join("events.jsonl")).unwrap_or_default();
         let lines: Vec<&str> = events.lines().collect();
         for (number, line) in lines.iter().enumerate() {
             let last = torn && number + 1 == lines.len();
-            demand(last || serde_json::from_str::<Value>(line).is_ok(), || {
+            ensure(last || serde_json::from_str::<Value>(line).is_ok(), || {
                 format!("events.jsonl has a line that is no event: {line}")
             })?;
         }
@@ -126,33 +126,39 @@ impl Reference {
     }
 
     /// Checks that the report in the run folder agrees with itself, the tape and the exit code; returns the participant that it blames.
-    pub(super) fn account(&self, run: &Path, code: i32, complete: i32, part: Part) -> Check<Option<String>> {
+    pub(super) fn check_report(
+        &self,
+        run: &Path,
+        code: i32,
+        complete: i32,
+        part: TapeExtent,
+    ) -> CheckResult<Option<String>> {
         let summary = json(&run.join("summary.json"))?;
         let ending = &summary["ending"];
         let status = ending["status"].as_str().unwrap_or_default();
-        equal(
+        ensure_equal(
             "whether the run is complete",
             &(status == "complete"),
             &(code == complete),
         )?;
         let digest = summary["tape_digest"].as_str().unwrap_or_default();
         let seal = json(&run.join("tape/seal.json"))?;
-        equal("the digest in summary.json", &Some(digest), &seal["digest"].as_str())?;
+        ensure_equal("the digest in summary.json", &Some(digest), &seal["digest"].as_str())?;
         for stream in seal["streams"].as_array().into_iter().flatten() {
             let file = format!("{}.bin", stream["stream"].as_str().unwrap_or_default());
             let own = self.streams.iter().find(|(name, _, _)| *name == file);
             let record = own.map_or(1, |(_, _, record)| *record as u64);
             let size = fs::metadata(run.join("tape").join(&file)).map_or(0, |about| about.len());
-            equal(
+            ensure_equal(
                 &format!("the sealed count of {file}"),
                 &stream["count"].as_u64(),
                 &Some(size / record),
             )?;
         }
-        equal(
+        ensure_equal(
             "whether the digest is that of the undisturbed tape",
             &(digest == self.digest),
-            &(part == Part::Whole),
+            &(part == TapeExtent::Whole),
         )?;
         Ok(match status {
             "failed" => Some(ending["participant"].as_str().unwrap_or_default().to_owned()),
@@ -178,7 +184,7 @@ fn left_in_memory() -> Vec<String> {
 }
 
 /// Nothing is left in shared memory or `scratch`. After a sudden end of the orchestrator, `doctor --remove` removes what is there.
-pub(super) fn nothing_left(scratch: &Path, sudden: bool) -> Check<()> {
+pub(super) fn ensure_nothing_left(scratch: &Path, sudden: bool) -> CheckResult<()> {
     let left = || {
         let entries = fs::read_dir(scratch).into_iter().flatten().flatten();
         let files = entries.map(|entry| entry.path().display().to_string());
@@ -192,12 +198,12 @@ pub(super) fn nothing_left(scratch: &Path, sudden: bool) -> Check<()> {
         // A folder without a lock counts as dead when it is ten seconds old.
         if found.is_empty() || !patient || started.elapsed() > Duration::from_secs(30) {
             let count = found.len();
-            return demand(found.is_empty(), || {
+            return ensure(found.is_empty(), || {
                 format!("{count} things are left, such as {}", found[0])
             });
         }
-        let said = orchestrate(&["doctor", "--remove"]);
-        demand(said.code == Some(0), || format!("doctor --remove: {said:?}"))?;
+        let output = run_orchestrator(&["doctor", "--remove"]);
+        ensure(output.code == Some(0), || format!("doctor --remove: {output:?}"))?;
         if !left().is_empty() {
             std::thread::sleep(Duration::from_millis(200));
         }

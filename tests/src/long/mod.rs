@@ -5,22 +5,22 @@
 
 mod campaign;
 mod case;
-mod dice;
 mod inspect;
+mod rng;
 mod round;
+mod signals;
 mod start;
-mod strike;
 pub mod work;
 
 use case::Case;
-use dice::Dice;
+use rng::Rng;
 
-/// The counts of a round that found no fault, or the reason why it failed.
-pub type Check<T> = Result<T, String>;
+/// The result of a check, or the reason why the round failed.
+pub type CheckResult<T> = Result<T, String>;
 
 /// The kinds of rounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum RoundKind {
     /// Runs and campaigns whose processes get random signals at random instants, and are resumed.
     Killer,
     /// Short undisturbed runs.
@@ -29,13 +29,13 @@ pub enum Kind {
     Suspensions,
 }
 
-impl Kind {
+impl RoundKind {
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::Killer => "killer",
-            Kind::Starts => "starts",
-            Kind::Suspensions => "suspensions",
+            RoundKind::Killer => "killer",
+            RoundKind::Starts => "starts",
+            RoundKind::Suspensions => "suspensions",
         }
     }
 }
@@ -59,7 +59,7 @@ impl std::ops::AddAssign for Tally {
     }
 }
 
-fn equal<T: PartialEq + std::fmt::Debug>(what: &str, found: &T, right: &T) -> Check<()> {
+fn ensure_equal<T: PartialEq + std::fmt::Debug>(what: &str, found: &T, right: &T) -> CheckResult<()> {
     if found == right {
         Ok(())
     } else {
@@ -67,6 +67,6 @@ fn equal<T: PartialEq + std::fmt::Debug>(what: &str, found: &T, right: &T) -> Ch
     }
 }
 
-fn demand(holds: bool, otherwise: impl FnOnce() -> String) -> Check<()> {
+fn ensure(holds: bool, otherwise: impl FnOnce() -> String) -> CheckResult<()> {
     if holds { Ok(()) } else { Err(otherwise()) }
 }

@@ -5,10 +5,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::inspect::{Part, Reference, nothing_left};
-use super::strike::{Action, Ended, Hit, Moment, PATIENCE, Parts, Progress, Running, Strike, Target, none_left};
-use super::{Case, Check, Dice, Tally, demand, equal};
-use crate::page::Page;
+use super::inspect::{ReferenceRun, TapeExtent, ensure_nothing_left};
+use super::signals::{
+    Action, DeliveredSignal, Moment, PATIENCE, ProcessNames, RunOutcome, Running, ScheduledSignal, TapeProgress,
+    Target, ensure_no_process_left,
+};
+use super::{Case, CheckResult, Rng, Tally, ensure, ensure_equal};
+use crate::page::LivePage;
 use crate::program::{Folder, participant};
 
 use super::case::Role;
@@ -16,16 +19,16 @@ use super::case::Role;
 /// The number of scenarios of a seed.
 const CASES: u64 = 48;
 /// The time that the kernel and `doctor` get for what a killed orchestrator leaves behind.
-const AFTERMATH: Duration = Duration::from_secs(30);
+const CLEANUP_TIME: Duration = Duration::from_secs(30);
 
 /// Undisturbed runs, created on first use.
 #[derive(Default)]
-pub(super) struct References {
-    known: BTreeMap<u64, (Arc<Case>, Arc<Reference>)>,
+pub(super) struct ReferenceRuns {
+    known: BTreeMap<u64, (Arc<Case>, Arc<ReferenceRun>)>,
     folders: Vec<Folder>,
 }
 
-impl References {
+impl ReferenceRuns {
     /// The case `number` of `seed` and its undisturbed run.
     pub(super) fn get(
         &mut self,
@@ -33,11 +36,11 @@ impl References {
         number: u64,
         short: bool,
         tally: &mut Tally,
-    ) -> Check<(Arc<Case>, Arc<Reference>)> {
+    ) -> CheckResult<(Arc<Case>, Arc<ReferenceRun>)> {
         if let Some(known) = self.known.get(&number) {
             return Ok(known.clone());
         }
-        let (case, folder) = (Case::draw(seed, number, short), Folder::new("reference"));
+        let (case, folder) = (Case::random(seed, number, short), Folder::new("reference"));
         let out = folder.path().join("run");
         let mut arguments = vec!["run".to_owned()];
         arguments.extend(case.arguments(folder.path()));
@@ -46,9 +49,9 @@ impl References {
         tally.runs += 1;
         let ended = Running::start(&arguments, folder.path(), &token).finish()?;
         let healthy = || format!("the undisturbed run of case {number} failed: {ended:?}");
-        demand(ended.code == Some(case.code), healthy)?;
-        none_left(&token, Duration::ZERO)?;
-        let known = (Arc::new(case), Arc::new(Reference::read(out)?));
+        ensure(ended.code == Some(case.code), healthy)?;
+        ensure_no_process_left(&token, Duration::ZERO)?;
+        let known = (Arc::new(case), Arc::new(ReferenceRun::read(out)?));
         self.folders.push(folder);
         self.known.insert(number, known.clone());
         Ok(known)
@@ -71,38 +74,40 @@ struct Script {
     checkpoint_every_ms: Option<u64>,
     wait: &'static str,
     live: bool,
-    strikes: Vec<Strike>,
+    scheduled_signals: Vec<ScheduledSignal>,
     /// The signals to the resumed run.
-    again: Vec<Strike>,
+    again: Vec<ScheduledSignal>,
     resumes_a_complete_run: bool,
 }
 
 impl Script {
-    fn draw(dice: &mut Dice, case: &Case, pauses_only: bool) -> Script {
-        let seats = case.seats.len();
-        let saved = case.saved();
-        let on_failure = !pauses_only || dice.one_in(3);
-        let policies = case.seats.iter().map(|seat| match (seat.role, dice.below(3)) {
+    fn random(rng: &mut Rng, case: &Case, pauses_only: bool) -> Script {
+        let slots = case.slots.len();
+        let saved = case.can_be_saved();
+        let on_failure = !pauses_only || rng.one_in(3);
+        let policies = case.slots.iter().map(|slot| match (slot.role, rng.below(3)) {
             _ if !on_failure => Policy::Stop,
             (Role::Unsaved, _) | (_, 0) => Policy::Stop,
             (Role::Damper, 1) => Policy::Substitute,
             _ => Policy::Restart,
         });
         let policies = policies.collect();
-        let mut strikes = |most: u64| -> Vec<Strike> {
-            let count = dice.between(0, most);
-            (0..count).map(|_| Strike::draw(dice, seats, pauses_only)).collect()
+        let mut random_signals = |most: u64| -> Vec<ScheduledSignal> {
+            let count = rng.between(0, most);
+            (0..count)
+                .map(|_| ScheduledSignal::random(rng, slots, pauses_only))
+                .collect()
         };
-        let (strikes, again) = (strikes(4), strikes(2));
+        let (scheduled_signals, again) = (random_signals(4), random_signals(2));
         Script {
             policies,
-            checkpoint_every_ms: (saved && dice.below(4) > 0).then(|| case.duration_ms / dice.between(2, 9)),
-            wall_ms: dice.pick(&[0, 200, 500, 1000]),
-            wait: dice.pick(&["auto", "auto", "auto", "yield", "sleep"]),
-            live: dice.one_in(8),
-            strikes,
-            again: if dice.one_in(4) { again } else { Vec::new() },
-            resumes_a_complete_run: dice.one_in(4),
+            checkpoint_every_ms: (saved && rng.below(4) > 0).then(|| case.duration_ms / rng.between(2, 9)),
+            wall_ms: rng.choose(&[0, 200, 500, 1000]),
+            wait: rng.choose(&["auto", "auto", "auto", "yield", "sleep"]),
+            live: rng.one_in(8),
+            scheduled_signals,
+            again: if rng.one_in(4) { again } else { Vec::new() },
+            resumes_a_complete_run: rng.one_in(4),
         }
     }
 
@@ -114,7 +119,7 @@ impl Script {
         if let Some(every) = self.checkpoint_every_ms {
             more.extend(["--checkpoint-every".into(), format!("{every} ms")]);
         }
-        for (seat, policy) in case.seats.iter().zip(&self.policies) {
+        for (slot, policy) in case.slots.iter().zip(&self.policies) {
             let value = match policy {
                 Policy::Stop => continue,
                 Policy::Restart => "restart-from-checkpoint".to_owned(),
@@ -123,22 +128,22 @@ impl Script {
                     participant("memoryless").display()
                 ),
             };
-            more.extend(["--set".into(), format!("participants.{}.on-failure={value}", seat.name)]);
+            more.extend(["--set".into(), format!("participants.{}.on-failure={value}", slot.name)]);
         }
         more
     }
 
     /// The whole scenario with its signals, for a failure report.
-    fn told(&self) -> String {
+    fn describe(&self) -> String {
         let mut text = format!(
             "wall {} ms, checkpoints {:?} ms, wait {}, live {}, policies {:?}",
             self.wall_ms, self.checkpoint_every_ms, self.wait, self.live, self.policies
         );
-        for (which, strikes) in [("run", &self.strikes), ("resume", &self.again)] {
-            for strike in strikes {
+        for (which, scheduled_signals) in [("run", &self.scheduled_signals), ("resume", &self.again)] {
+            for scheduled in scheduled_signals {
                 text += &format!(
                     "\n  {which}: {:?} {:?} {:?}",
-                    strike.target, strike.action, strike.moment
+                    scheduled.target, scheduled.action, scheduled.moment
                 );
             }
         }
@@ -151,27 +156,27 @@ pub(super) fn run(
     seed: u64,
     number: u64,
     pauses_only: bool,
-    references: &mut References,
+    references: &mut ReferenceRuns,
     tally: &mut Tally,
-) -> Check<()> {
-    let mut dice = Dice::new(seed, &format!("round {number}"));
-    let at = dice.below(CASES);
+) -> CheckResult<()> {
+    let mut rng = Rng::new(seed, &format!("round {number}"));
+    let at = rng.below(CASES);
     let (case, reference) = references.get(seed, at, false, tally)?;
-    let script = Script::draw(&mut dice, &case, pauses_only);
+    let script = Script::random(&mut rng, &case, pauses_only);
     let round = Round {
         token: format!("{seed}-{number}-{}", std::process::id()),
         folder: Folder::new("round"),
-        names: case.seats.iter().map(|seat| seat.name.clone()).collect(),
+        names: case.slots.iter().map(|slot| slot.name.clone()).collect(),
         case,
         reference,
         script,
     };
-    round.play(tally).map_err(|reason| {
+    round.execute(tally).map_err(|reason| {
         let names = round.names.join(", ");
         let kept = round.folder.keep();
         format!(
             "{reason}\n  case {at} ({names}): {}\n  kept in {}",
-            round.script.told(),
+            round.script.describe(),
             kept.display()
         )
     })
@@ -182,17 +187,23 @@ struct Round {
     folder: Folder,
     names: Vec<String>,
     case: Arc<Case>,
-    reference: Arc<Reference>,
+    reference: Arc<ReferenceRun>,
     script: Script,
 }
 
 impl Round {
-    fn play(&self, tally: &mut Tally) -> Check<()> {
+    fn execute(&self, tally: &mut Tally) -> CheckResult<()> {
         let out = self.folder.path().join("run");
         let mut arguments = vec!["run".to_owned()];
         arguments.extend(self.case.arguments(self.folder.path()));
         arguments.extend(self.script.arguments(&self.case));
-        let whole = self.one(&arguments, &out, self.reference.up_to(0.0), &self.script.strikes, tally)?;
+        let whole = self.run_with_signals(
+            &arguments,
+            &out,
+            self.reference.up_to(0.0),
+            &self.script.scheduled_signals,
+            tally,
+        )?;
         let saved = std::fs::read_dir(out.join("checkpoints")).map_or(0, |files| {
             let names = files.flatten().map(|file| file.file_name());
             names
@@ -209,20 +220,27 @@ impl Round {
         if !self.script.again.is_empty() {
             let again = self.folder.path().join("again");
             tally.resumes += 1;
-            self.one(&resume(&out), &again, before, &self.script.again, tally)?;
+            self.run_with_signals(&resume(&out), &again, before, &self.script.again, tally)?;
         }
         tally.resumes += 1;
         let last = self.folder.path().join("last");
-        let whole = self.one(&resume(&out), &last, before, &[], tally)?;
-        demand(whole, || "the resumed run is not complete".into())
+        let whole = self.run_with_signals(&resume(&out), &last, before, &[], tally)?;
+        ensure(whole, || "the resumed run is not complete".into())
     }
 
     /// One run with its signals, which has `before` bytes of its longest stream from the run that it resumes; returns whether it is
     /// complete.
-    fn one(&self, arguments: &[String], out: &Path, before: u64, strikes: &[Strike], tally: &mut Tally) -> Check<bool> {
+    fn run_with_signals(
+        &self,
+        arguments: &[String],
+        out: &Path,
+        before: u64,
+        scheduled_signals: &[ScheduledSignal],
+        tally: &mut Tally,
+    ) -> CheckResult<bool> {
         let mut arguments = arguments.to_vec();
         arguments.extend(["--out".into(), out.display().to_string()]);
-        if strikes.iter().any(Strike::is_long) {
+        if scheduled_signals.iter().any(ScheduledSignal::is_long) {
             arguments.extend(["--patience".into(), PATIENCE.into()]);
         }
         if self.script.live {
@@ -231,70 +249,76 @@ impl Round {
         tally.runs += 1;
         let mut running = Running::start(&arguments, self.folder.path(), &self.token);
         let (stream, whole) = self.reference.longest();
-        let progress = Progress {
+        let progress = TapeProgress {
             stream: out.join("tape").join(stream),
             whole,
             before,
         };
-        let parts = Parts::Seats(self.names.clone());
-        let mut hits = Vec::new();
-        for strike in strikes {
+        let parts = ProcessNames::Participants(self.names.clone());
+        let mut delivered = Vec::new();
+        for scheduled in scheduled_signals {
             let steer = |command: &str, running: &Running| {
-                let page = self.script.live.then(|| Page::of(&running.err())).flatten();
+                let page = self
+                    .script
+                    .live
+                    .then(|| LivePage::announced_in(&running.err()))
+                    .flatten();
                 // The run may be over, or may not have started: then it cannot be steered.
                 page.map(|page| page.try_command(command));
             };
             // The run stays paused, unless the signal waits for the tape to grow.
-            if !matches!(strike.moment, Moment::Tape { .. }) {
+            if !matches!(scheduled.moment, Moment::Tape { .. }) {
                 steer(r#"{"do": "pause"}"#, &running);
                 steer(r#"{"do": "step", "time": "10 ms"}"#, &running);
             }
-            hits.extend(running.deliver(strike, &parts, out, &progress));
+            delivered.extend(running.deliver(scheduled, &parts, out, &progress));
             steer(r#"{"do": "resume"}"#, &running);
         }
         tally.signals += running.signals;
         let ended = running.finish()?;
-        let told = || format!("after {hits:?}: {ended:?}");
-        self.judge(&ended, &hits, out)
-            .map_err(|reason| format!("{reason}; {}", told()))
+        let context = || format!("after {delivered:?}: {ended:?}");
+        self.check_outcome(&ended, &delivered, out)
+            .map_err(|reason| format!("{reason}; {}", context()))
     }
 
     /// Checks the invariants after a run that ended in this way.
-    fn judge(&self, ended: &Ended, hits: &[Hit], out: &Path) -> Check<bool> {
-        let ends: Vec<i32> = hits
+    fn check_outcome(&self, ended: &RunOutcome, delivered: &[DeliveredSignal], out: &Path) -> CheckResult<bool> {
+        let ends: Vec<i32> = delivered
             .iter()
-            .filter_map(|hit| Some(hit.ends_the_orchestrator()?.as_raw()))
+            .filter_map(|one| Some(one.ends_the_orchestrator()?.as_raw()))
             .collect();
         // A killed orchestrator cannot clean up, and one that is interrupted twice does not.
         let sudden = ended.code.is_none() || (ended.code == Some(1) && ends.len() > 1);
-        none_left(&self.token, if sudden { AFTERMATH } else { Duration::ZERO })?;
-        nothing_left(&self.folder.path().join("scratch"), sudden)?;
-        demand(!ended.err.contains("panicked at"), || "a panic".into())?;
+        ensure_no_process_left(&self.token, if sudden { CLEANUP_TIME } else { Duration::ZERO })?;
+        ensure_nothing_left(&self.folder.path().join("scratch"), sudden)?;
+        ensure(!ended.err.contains("panicked at"), || "a panic".into())?;
         let part = self.reference.part(out, sudden)?;
         if let Some(signal) = ended.signal {
-            let before = |hit: &Hit| !hit.opened && hit.ends_the_orchestrator().map(|one| one.as_raw()) == Some(signal);
+            let before = |one: &DeliveredSignal| {
+                !one.opened && one.ends_the_orchestrator().map(|one| one.as_raw()) == Some(signal)
+            };
             let killed = signal == rustix::process::Signal::KILL.as_raw() && ends.contains(&signal);
-            demand(killed || hits.iter().any(before), || {
+            ensure(killed || delivered.iter().any(before), || {
                 format!("signal {signal} ended the orchestrator")
             })?;
             return Ok(false);
         }
         let code = ended.code.unwrap_or_default();
         if code == self.case.code {
-            equal("the tape of a complete run", &part, &Part::Whole)?;
-            self.reference.account(out, code, self.case.code, part)?;
+            ensure_equal("the tape of a complete run", &part, &TapeExtent::Whole)?;
+            self.reference.check_report(out, code, self.case.code, part)?;
             return Ok(true);
         }
-        equal("the exit code", &code, &1)?;
-        let culprit = self.blamed(ended, hits, &ends)?;
-        let began = hits.iter().any(|hit| hit.began);
+        ensure_equal("the exit code", &code, &1)?;
+        let failed_participant = self.identify_failed_participant(ended, delivered, &ends)?;
+        let began = delivered.iter().any(|one| one.began);
         if began && ends.len() < 2 {
-            let told = self.reference.account(out, code, self.case.code, part)?;
-            if let Some(culprit) = &culprit {
-                equal(
+            let reported = self.reference.check_report(out, code, self.case.code, part)?;
+            if let Some(failed_participant) = &failed_participant {
+                ensure_equal(
                     "the participant that summary.json blames",
-                    &told.as_ref(),
-                    &Some(culprit),
+                    &reported.as_ref(),
+                    &Some(failed_participant),
                 )?;
             }
         }
@@ -302,46 +326,51 @@ impl Round {
     }
 
     /// For a run that ended with exit code 1: the participant named in the message, which must be one that received a signal.
-    fn blamed(&self, ended: &Ended, hits: &[Hit], ends: &[i32]) -> Check<Option<String>> {
+    fn identify_failed_participant(
+        &self,
+        ended: &RunOutcome,
+        delivered: &[DeliveredSignal],
+        ends: &[i32],
+    ) -> CheckResult<Option<String>> {
         if ended.err.contains("interrupted ") && !ends.is_empty() {
             return Ok(None);
         }
         let error = ended.err.lines().find_map(|line| line.strip_prefix("error: "));
         let named = error.and_then(|text| text.strip_prefix("participant `")?.split('`').next());
-        let Some(culprit) = named else {
-            return demand(ends.len() > 1, || "the run failed and no participant is named".into()).map(|()| None);
+        let Some(failed_participant) = named else {
+            return ensure(ends.len() > 1, || "the run failed and no participant is named".into()).map(|()| None);
         };
-        let seat = self.names.iter().position(|name| name == culprit);
-        let own: Vec<&Hit> = hits
+        let slot = self.names.iter().position(|name| name == failed_participant);
+        let own: Vec<&DeliveredSignal> = delivered
             .iter()
-            .filter(|hit| hit.seat == seat && hit.harms_a_participant())
+            .filter(|one| one.slot == slot && one.can_fail_a_participant())
             .collect();
-        demand(!own.is_empty(), || {
-            format!("`{culprit}` is blamed, which nothing harmed")
+        ensure(!own.is_empty(), || {
+            format!("`{failed_participant}` is reported as failed, but no signal can have failed it")
         })?;
-        let signals = own.iter().filter_map(|hit| match hit.action {
+        let signals = own.iter().filter_map(|one| match one.action {
             Action::Signal(signal) => Some(format!("signal {}", signal.as_raw())),
             _ => None,
         });
         let signals: Vec<String> = signals.collect();
         if signals.len() == own.len() {
-            demand(signals.iter().any(|signal| ended.err.contains(signal)), || {
+            ensure(signals.iter().any(|signal| ended.err.contains(signal)), || {
                 format!("the message does not give {signals:?}")
             })?;
         }
         // Every participant is restarted or replaced once, after the run has started.
-        let policy = seat.map_or(Policy::Stop, |seat| self.script.policies[seat]);
-        let harmful = hits.iter().filter(|hit| hit.harms_a_participant());
-        let early = harmful.clone().any(|hit| !hit.began);
-        let all = harmful.clone().any(|hit| matches!(hit.target, Target::All { .. }));
-        let survivable = match policy {
+        let policy = slot.map_or(Policy::Stop, |slot| self.script.policies[slot]);
+        let harmful = delivered.iter().filter(|one| one.can_fail_a_participant());
+        let early = harmful.clone().any(|one| !one.began);
+        let all = harmful.clone().any(|one| matches!(one.target, Target::All { .. }));
+        let recoverable = match policy {
             Policy::Stop => false,
             Policy::Restart => !early && !all && ends.is_empty(),
             Policy::Substitute => own.len() == 1 && harmful.count() == 1 && !early && ends.is_empty(),
         };
-        demand(!survivable, || {
-            format!("`{culprit}` was to be brought back ({policy:?})")
+        ensure(!recoverable, || {
+            format!("`{failed_participant}` was to be brought back ({policy:?})")
         })?;
-        Ok(Some(culprit.to_owned()))
+        Ok(Some(failed_participant.to_owned()))
     }
 }

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::round::References;
-use super::{Kind, Tally, campaign, inspect, round, start};
+use super::round::ReferenceRuns;
+use super::{RoundKind, Tally, campaign, inspect, round, start};
 use crate::program::{all_built, participant};
 
 /// One in this many rounds with signals is a campaign.
@@ -20,7 +20,7 @@ const CAMPAIGNS: u64 = 16;
 #[derive(Debug, Clone, Copy)]
 pub struct Work {
     /// The kind of each round.
-    pub kind: Kind,
+    pub kind: RoundKind,
     /// The seed of their random samples.
     pub seed: u64,
     /// The number of the first round.
@@ -58,17 +58,17 @@ impl Work {
     }
 
     /// Executes the work of a worker: every `jobs`-th round from number `share` on, with a line on standard output for each.
-    pub fn share(&self, share: u64) {
+    pub fn run_share(&self, share: u64) {
         all_built();
-        let mut references = References::default();
+        let mut references = ReferenceRuns::default();
         for number in self.numbers().skip(share as usize).step_by(self.jobs as usize) {
             let mut tally = Tally::default();
             let (seed, kind) = (self.seed, self.kind);
             let found = match kind {
-                Kind::Killer if number % CAMPAIGNS == 7 => campaign::run(seed, number, &mut tally),
-                Kind::Killer => round::run(seed, number, false, &mut references, &mut tally),
-                Kind::Suspensions => round::run(seed, number, true, &mut references, &mut tally),
-                Kind::Starts => start::run(seed, number, &mut references, &mut tally),
+                RoundKind::Killer if number % CAMPAIGNS == 7 => campaign::run(seed, number, &mut tally),
+                RoundKind::Killer => round::run(seed, number, false, &mut references, &mut tally),
+                RoundKind::Suspensions => round::run(seed, number, true, &mut references, &mut tally),
+                RoundKind::Starts => start::run(seed, number, &mut references, &mut tally),
             };
             let failure = found.err();
             let line = Line { number, tally, failure };
@@ -84,7 +84,7 @@ impl Work {
     pub fn run(&self, mut progress: impl FnMut(&Report)) -> Report {
         // Built here, once, for all workers.
         let program = participant("long");
-        let private = private();
+        let private = can_have_private_memory();
         if !private {
             eprintln!(
                 "note: /dev/shm is shared with the rest of the machine: no namespace with one of its own can be made"
@@ -97,18 +97,18 @@ impl Work {
             let cores = std::thread::available_parallelism().map_or(1, usize::from);
             for number in 0..if self.beside_load { 2 * cores } else { 0 } {
                 let over = &over;
-                scope.spawn(move || burn(number % 2 == 0, over));
+                scope.spawn(move || generate_load(number % 2 == 0, over));
             }
             let jobs = self.jobs.clamp(1, self.rounds.max(1));
             let workers: Vec<Child> = (0..jobs)
-                .map(|share| self.hire(&program, share, jobs, private, &sender))
+                .map(|share| self.start_worker(&program, share, jobs, private, &sender))
                 .collect();
             drop(sender);
-            let mut told = Instant::now();
+            let mut last_report = Instant::now();
             for line in lines {
-                report.take(self, line);
-                if told.elapsed() > Duration::from_secs(10) {
-                    told = Instant::now();
+                report.add(self, line);
+                if last_report.elapsed() > Duration::from_secs(10) {
+                    last_report = Instant::now();
                     progress(&report);
                 }
             }
@@ -131,7 +131,7 @@ impl Work {
         report
     }
 
-    fn hire(&self, program: &Path, share: u64, jobs: u64, private: bool, sender: &Sender<Line>) -> Child {
+    fn start_worker(&self, program: &Path, share: u64, jobs: u64, private: bool, sender: &Sender<Line>) -> Child {
         let mut command = if private {
             let mut command = in_namespace(program);
             inspect::private_memory(&mut command);
@@ -165,7 +165,7 @@ impl Work {
 }
 
 impl Report {
-    fn take(&mut self, work: &Work, line: Line) {
+    fn add(&mut self, work: &Work, line: Line) {
         self.rounds += 1;
         self.tally += line.tally;
         if let Some(failure) = line.failure {
@@ -192,14 +192,14 @@ fn in_namespace(program: &Path) -> Command {
 }
 
 /// Whether the machine lets a process have a private `/dev/shm`.
-fn private() -> bool {
+fn can_have_private_memory() -> bool {
     let mut command = in_namespace(Path::new("true"));
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command.status().is_ok_and(|status| status.success())
 }
 
 /// Keeps a processor busy, all the time or most of it.
-fn burn(always: bool, over: &AtomicBool) {
+fn generate_load(always: bool, over: &AtomicBool) {
     let mut turns = 0_u64;
     while !over.load(Ordering::Relaxed) {
         let started = Instant::now();

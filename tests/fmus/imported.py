@@ -1,6 +1,6 @@
-"""FMUs of other tools in runs: two halves of OpenModelica against the whole, and pairs of PythonFMU and PythonFMU3.
+"""FMUs of other tools in runs: two subsystems of OpenModelica against the whole system, and pairs of PythonFMU and PythonFMU3.
 
-    inside.py ORCHESTRATOR FOLDER OPENMODELICA
+    imported.py ORCHESTRATOR FOLDER OPENMODELICA
 """
 
 import subprocess
@@ -15,14 +15,14 @@ orchestrator, work, openmodelica = sys.argv[1], Path(sys.argv[2]), Path(sys.argv
 def run(scenario, name, *more):
     file, out = work / f"{name}.toml", work / name
     file.write_text(scenario)
-    said = subprocess.run([orchestrator, "run", file, "--quiet", "--force", "--out", out, *more], capture_output=True, text=True)
-    assert said.returncode == 0, said
+    result = subprocess.run([orchestrator, "run", file, "--quiet", "--force", "--out", out, *more], capture_output=True, text=True)
+    assert result.returncode == 0, result
     return out
 
 
-def same(one, other):
-    said = subprocess.run([orchestrator, "compare", one, other], capture_output=True, text=True)
-    assert said.returncode == 0, said
+def assert_same_tape(one, other):
+    result = subprocess.run([orchestrator, "compare", one, other], capture_output=True, text=True)
+    assert result.returncode == 0, result
 
 
 def stream(folder, name, *fields):
@@ -56,7 +56,7 @@ ports = {{ inputs = [], motion = ["x1", "x2"] }}
 """
     scenario = 'duration = "10 s"\n' + half(1, 2, period) + half(2, 1, period) + whole
     apart, together = run(scenario, "masses-apart"), run(scenario, "masses-together", "--in-process")
-    same(apart, together)
+    assert_same_tape(apart, together)
     reference = stream(apart, "whole.motion", "x1", "x2")
     halves = [stream(apart, f"half{number}.motion", "x")["x"] for number in (1, 2)]
     every = (len(reference) - 1) // (len(halves[0]) - 1)
@@ -142,7 +142,7 @@ from = "brake.push"
 to = "mass.push"
 """
     apart, together = run(scenario, f"{tool}-apart"), run(scenario, f"{tool}-together", "--in-process")
-    same(apart, together)
+    assert_same_tape(apart, together)
     # The same in plain Python: each reads what the other one gave out at the beginning of the step.
     x, v, f = 0.2, 0.0, 0.0
     expected = [(x, v)]

@@ -1,6 +1,6 @@
 """Exported FMUs in FMPy: validated, simulated, saved, rolled back and misused; every sample is compared with the tape, bit for bit.
 
-    outside.py ORCHESTRATOR FOLDER
+    exported.py ORCHESTRATOR FOLDER
 """
 
 import json
@@ -19,9 +19,9 @@ TYPES = {"f64": "<f8", "f32": "<f4", "i64": "<i8", "i32": "<i4", "u64": "<u8", "
 
 
 def run(*arguments, codes=(0, 3)):
-    said = subprocess.run([orchestrator, *map(str, arguments)], capture_output=True, text=True)
-    assert said.returncode in codes, (arguments, said)
-    return said.stdout
+    result = subprocess.run([orchestrator, *map(str, arguments)], capture_output=True, text=True)
+    assert result.returncode in codes, (arguments, result)
+    return result.stdout
 
 
 def stream(folder, name):

@@ -3,19 +3,23 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use escapement_tests::fmus::{Recipe, archive, unpacked};
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, text};
+use escapement_tests::fmus::{TestFmu, unpacked_folders, zip_archive};
+use escapement_tests::program::{Folder, ProgramOutput, orchestrator, root, run_orchestrator, text, wait_for_output};
 
 /// A run of the FMU `file` alone, with a separate folder for temporary files, which is empty afterwards.
-fn run(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
-    let said = ended(folder, file, keys, arguments);
+fn run(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> ProgramOutput {
+    let output = run_and_wait(folder, file, keys, arguments);
     let temporary = folder.path().join("temporary");
-    assert_eq!(unpacked(&temporary), Vec::<std::path::PathBuf>::new(), "{said:?}");
-    said
+    assert_eq!(
+        unpacked_folders(&temporary),
+        Vec::<std::path::PathBuf>::new(),
+        "{output:?}"
+    );
+    output
 }
 
-/// The same, whatever is left.
-fn ended(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
+/// As [`run`], without the check of the temporary folder.
+fn run_and_wait(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> ProgramOutput {
     let scenario = folder.write(
         "bad.toml",
         &format!(
@@ -35,11 +39,11 @@ fn ended(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
-    finish(command.spawn().expect("the program can be started"))
+    wait_for_output(command.spawn().expect("the program can be started"))
 }
 
 #[test]
-fn failing_fmu_is_named_with_its_own_words() {
+fn failing_fmu_is_named_with_its_message() {
     for (fault, words) in [
         ("SEGFAULT", &["segmentation fault", "`it`"][..]),
         ("EXIT", &["exited with status 7", "`it`"]),
@@ -56,15 +60,15 @@ fn failing_fmu_is_named_with_its_own_words() {
     ] {
         for version in [2, 3] {
             let folder = Folder::new("failing");
-            let file = Recipe {
+            let file = TestFmu {
                 fault,
-                ..Recipe::new(version)
+                ..TestFmu::new(version)
             }
             .build(&folder, "bad");
-            let said = run(&folder, &file, "run.ports.inputs = []", &[]);
-            assert_eq!(said.code, Some(1), "{said:?}");
+            let output = run(&folder, &file, "run.ports.inputs = []", &[]);
+            assert_eq!(output.code, Some(1), "{output:?}");
             for word in words {
-                assert!(said.err.contains(word), "{fault}: `{word}`: {said:?}");
+                assert!(output.err.contains(word), "{fault}: `{word}`: {output:?}");
             }
         }
     }
@@ -74,28 +78,28 @@ fn failing_fmu_is_named_with_its_own_words() {
 fn exit_in_the_program_is_a_failure_that_names_the_fmu() {
     for version in [2, 3] {
         let folder = Folder::new("exits");
-        let file = Recipe {
+        let file = TestFmu {
             fault: "EXIT",
-            ..Recipe::new(version)
+            ..TestFmu::new(version)
         }
         .build(&folder, "bad");
-        let said = ended(&folder, &file, "run.ports.inputs = []", &["--in-process"]);
-        assert_eq!(said.code, Some(1), "{said:?}");
-        assert!(said.err.contains("it: the FMU called exit() in DoStep"), "{said:?}");
+        let output = run_and_wait(&folder, &file, "run.ports.inputs = []", &["--in-process"]);
+        assert_eq!(output.code, Some(1), "{output:?}");
+        assert!(output.err.contains("it: the FMU called exit() in DoStep"), "{output:?}");
     }
 }
 
 #[test]
-fn unpacked_fmu_of_a_dead_process_goes_with_the_next_run_in_processes() {
+fn next_run_removes_unpacked_fmu_of_a_dead_process() {
     let folder = Folder::new("unpacked");
-    let file = Recipe {
+    let file = TestFmu {
         fault: "EXIT",
-        ..Recipe::new(2)
+        ..TestFmu::new(2)
     }
     .build(&folder, "bad");
     let temporary = folder.path().join("temporary");
-    ended(&folder, &file, "run.ports.inputs = []", &["--in-process"]);
-    assert_eq!(unpacked(&temporary).len(), 1);
+    run_and_wait(&folder, &file, "run.ports.inputs = []", &["--in-process"]);
+    assert_eq!(unpacked_folders(&temporary).len(), 1);
     let there = |arguments: &[&str]| {
         let mut command = Command::new(orchestrator());
         command
@@ -106,15 +110,17 @@ fn unpacked_fmu_of_a_dead_process_goes_with_the_next_run_in_processes() {
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
-        let said = finish(command.spawn().expect("the program can be started"));
-        assert_eq!(said.code, Some(0), "{said:?}");
-        said
+        let output = wait_for_output(command.spawn().expect("the program can be started"));
+        assert_eq!(output.code, Some(0), "{output:?}");
+        output
     };
-    let said = there(&["doctor"]);
-    assert!(said.out.contains("left an unpacked FMU in"), "{said:?}");
+    let output = there(&["doctor"]);
+    assert!(output.out.contains("left an unpacked FMU in"), "{output:?}");
     assert!(
-        said.out.contains("so does the next run with participants in processes"),
-        "{said:?}"
+        output
+            .out
+            .contains("so does the next run with participants in processes"),
+        "{output:?}"
     );
     let springs = root().join("orchestrator/src/templates/spring.toml");
     there(&[
@@ -126,21 +132,21 @@ fn unpacked_fmu_of_a_dead_process_goes_with_the_next_run_in_processes() {
         "springs",
         "--quiet",
     ]);
-    assert_eq!(unpacked(&temporary), Vec::<std::path::PathBuf>::new());
+    assert_eq!(unpacked_folders(&temporary), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]
-fn warnings_are_in_the_participants_log_wherever_it_runs() {
+fn warnings_are_in_the_participants_log_in_every_way() {
     for version in [2, 3] {
         let folder = Folder::new("warns");
-        let file = Recipe {
+        let file = TestFmu {
             fault: "WARN",
-            ..Recipe::new(version)
+            ..TestFmu::new(version)
         }
         .build(&folder, "warns");
         for more in [&[][..], &["--in-process"]] {
-            let said = run(&folder, &file, "run.ports.inputs = []", more);
-            assert_eq!(said.code, Some(0), "{said:?}");
+            let output = run(&folder, &file, "run.ports.inputs = []", more);
+            assert_eq!(output.code, Some(0), "{output:?}");
             let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
             let lines: Vec<&str> = log
                 .lines()
@@ -156,33 +162,33 @@ fn warnings_are_in_the_participants_log_wherever_it_runs() {
 #[test]
 fn endless_step_is_ended_by_patience() {
     let folder = Folder::new("endless");
-    let file = Recipe {
+    let file = TestFmu {
         fault: "LOOP",
-        ..Recipe::new(3)
+        ..TestFmu::new(3)
     }
     .build(&folder, "bad");
-    let said = run(&folder, &file, "run.ports.inputs = []", &["--patience", "1s"]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("`it`"), "{said:?}");
+    let output = run(&folder, &file, "run.ports.inputs = []", &["--patience", "1s"]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.err.contains("`it`"), "{output:?}");
 }
 
 #[test]
-fn fmu_that_cannot_be_saved_is_told_the_remedy_of_an_fmu() {
+fn fmu_that_cannot_be_saved_is_refused_with_fmu_remedy() {
     for version in [2, 3] {
         let folder = Folder::new("unsaved");
-        let file = Recipe {
+        let file = TestFmu {
             fault: "UNSAVED",
-            ..Recipe::new(version)
+            ..TestFmu::new(version)
         }
         .build(&folder, "bad");
         for more in [&[][..], &["--in-process"]] {
             let arguments = [&["--checkpoint-at", "0.7 s"], more].concat();
-            let said = run(&folder, &file, "run.ports.inputs = []", &arguments);
-            assert_eq!(said.code, Some(1), "{said:?}");
+            let output = run(&folder, &file, "run.ports.inputs = []", &arguments);
+            assert_eq!(output.code, Some(1), "{output:?}");
             for part in ["`it`: cannot save its state", "its log says why", "canSerializeFMU"] {
-                assert!(said.err.contains(part), "`{part}`: {said:?}");
+                assert!(output.err.contains(part), "`{part}`: {output:?}");
             }
-            assert!(!said.err.contains("implement"), "{said:?}");
+            assert!(!output.err.contains("implement"), "{output:?}");
             let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
             assert!(log.contains("the state of the FMU cannot be saved"), "{log}");
         }
@@ -193,79 +199,79 @@ fn fmu_that_cannot_be_saved_is_told_the_remedy_of_an_fmu() {
 fn fmu_that_prints_does_not_spoil_a_result_in_one_process() {
     for version in [2, 3] {
         let folder = Folder::new("prints");
-        let file = Recipe {
+        let file = TestFmu {
             fault: "PRINT",
-            ..Recipe::new(version)
+            ..TestFmu::new(version)
         }
         .build(&folder, "prints");
-        let said = run(&folder, &file, "run.ports.inputs = []", &["--in-process", "--json"]);
-        assert_eq!(said.code, Some(0), "{said:?}");
-        assert_eq!(said.json()["ending"]["status"], "complete", "{said:?}");
-        assert!(said.err.contains("{ the spring prints"), "{said:?}");
+        let output = run(&folder, &file, "run.ports.inputs = []", &["--in-process", "--json"]);
+        assert_eq!(output.code, Some(0), "{output:?}");
+        assert_eq!(output.json()["ending"]["status"], "complete", "{output:?}");
+        assert!(output.err.contains("{ the spring prints"), "{output:?}");
         // The workers of a campaign answer on their standard output.
         let scenario = folder.path().join("bad.toml");
         let out = folder.path().join("campaign");
         let vary = "participants.it.parameters.mass=1 kg,2 kg";
-        let said = orchestrate(&["sweep", text(&scenario), "--vary", vary, "--out", text(&out)]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+        let output = run_orchestrator(&["sweep", text(&scenario), "--vary", vary, "--out", text(&out)]);
+        assert_eq!(output.code, Some(0), "{output:?}");
     }
 }
 
 #[test]
-fn litter_goes_with_the_run() {
-    let folder = Folder::new("litter");
-    let file = Recipe {
-        fault: "LITTER",
-        ..Recipe::new(2)
+fn file_written_by_an_fmu_is_removed_with_the_run() {
+    let folder = Folder::new("leftover");
+    let file = TestFmu {
+        fault: "LEAVES_FILE",
+        ..TestFmu::new(2)
     }
     .build(&folder, "bad");
-    let said = run(&folder, &file, "run.ports.inputs = []", &[]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    assert!(!folder.path().join("litter.txt").exists());
+    let output = run(&folder, &file, "run.ports.inputs = []", &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert!(!folder.path().join("leftover.txt").exists());
 }
 
 #[test]
 fn library_that_contradicts_its_description_is_an_error() {
     let folder = Folder::new("sizes");
-    let file = Recipe {
+    let file = TestFmu {
         sizes: Some((3, 2)),
-        ..Recipe::new(3)
+        ..TestFmu::new(3)
     }
     .build(&folder, "bad");
-    let said = run(&folder, &file, "", &[]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("the array has another size"), "{said:?}");
-    let file = Recipe {
+    let output = run(&folder, &file, "", &[]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.err.contains("the array has another size"), "{output:?}");
+    let file = TestFmu {
         sizes: Some((3, 3)),
-        ..Recipe::new(3)
+        ..TestFmu::new(3)
     }
     .build(&folder, "good");
     assert_eq!(run(&folder, &file, "", &[]).code, Some(0));
 }
 
 #[test]
-fn foreign_platform_is_refused_with_those_there_are() {
+fn foreign_platform_is_refused_with_available_platforms() {
     let folder = Folder::new("platform");
-    let file = Recipe {
+    let file = TestFmu {
         platform: Some("win64"),
-        ..Recipe::new(2)
+        ..TestFmu::new(2)
     }
     .build(&folder, "bad");
-    let said = run(&folder, &file, "run.ports.inputs = []", &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run(&folder, &file, "run.ports.inputs = []", &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err.contains("linux64/model.so") && said.err.contains("made for win64"),
-        "{said:?}"
+        output.err.contains("linux64/model.so") && output.err.contains("made for win64"),
+        "{output:?}"
     );
 }
 
 #[test]
-fn second_instance_in_one_process_is_refused_where_one_is_allowed() {
+fn second_instance_of_single_instance_fmu_is_refused() {
     let folder = Folder::new("single");
     let attributes = "canBeInstantiatedOnlyOncePerProcess=\"true\"";
-    let file = Recipe {
+    let file = TestFmu {
         attributes,
-        ..Recipe::new(2)
+        ..TestFmu::new(2)
     }
     .build(&folder, "single");
     let second = format!(
@@ -273,19 +279,19 @@ fn second_instance_in_one_process_is_refused_where_one_is_allowed() {
         text(&file)
     );
     assert_eq!(run(&folder, &file, &second, &[]).code, Some(0));
-    let said = run(&folder, &file, &second, &["--in-process"]);
-    assert_eq!(said.code, Some(1), "{said:?}");
+    let output = run(&folder, &file, &second, &["--in-process"]);
+    assert_eq!(output.code, Some(1), "{output:?}");
     assert!(
-        said.err.contains("only once in a process") && said.err.contains("leave out --in-process"),
-        "{said:?}"
+        output.err.contains("only once in a process") && output.err.contains("leave out --in-process"),
+        "{output:?}"
     );
 }
 
 #[test]
-fn archive_that_cannot_be_trusted_is_refused() {
+fn malformed_archive_is_refused() {
     let folder = Folder::new("archives");
     let description = b"<fmiModelDescription fmiVersion=\"2.0\"/>".to_vec();
-    let good = archive(&[("modelDescription.xml", description.clone())]);
+    let good = zip_archive(&[("modelDescription.xml", description.clone())]);
     let spoil = |change: fn(&mut Vec<u8>)| {
         let mut bad = good.clone();
         change(&mut bad);
@@ -304,22 +310,22 @@ fn archive_that_cannot_be_trusted_is_refused() {
         (b"no archive at all, whatever its name".to_vec(), "not a ZIP archive"),
         (Vec::new(), "not a ZIP archive"),
         (spoil(|bytes| bytes.truncate(bytes.len() - 30)), "not a ZIP archive"),
-        (archive(&[("../../evil", Vec::new())]), "leads out of the archive"),
-        (archive(&[("/etc/evil", Vec::new())]), "absolute path"),
-        (archive(&[("a\\b", Vec::new())]), "backslash"),
-        (archive(&[("a", Vec::new()), ("a", Vec::new())]), "there twice"),
-        (archive(&[("readme", Vec::new())]), "no modelDescription.xml"),
+        (zip_archive(&[("../../evil", Vec::new())]), "leads out of the archive"),
+        (zip_archive(&[("/etc/evil", Vec::new())]), "absolute path"),
+        (zip_archive(&[("a\\b", Vec::new())]), "backslash"),
+        (zip_archive(&[("a", Vec::new()), ("a", Vec::new())]), "there twice"),
+        (zip_archive(&[("readme", Vec::new())]), "no modelDescription.xml"),
         (huge, "at most 2147483648 are unpacked"),
         (link, "symbolic link"),
         (locked, "encrypted"),
         (spoil(|bytes| bytes[60] ^= 1), "checksum"),
         (good.clone(), "no `CoSimulation`"),
         (
-            archive(&[("modelDescription.xml", b"<fmiModelDescription".to_vec())]),
+            zip_archive(&[("modelDescription.xml", b"<fmiModelDescription".to_vec())]),
             "modelDescription.xml",
         ),
         (
-            archive(&[(
+            zip_archive(&[(
                 "modelDescription.xml",
                 b"<fmiModelDescription fmiVersion=\"1.0\"/>".to_vec(),
             )]),
@@ -328,17 +334,17 @@ fn archive_that_cannot_be_trusted_is_refused() {
     ] {
         let file = folder.path().join("bad.fmu");
         std::fs::write(&file, bytes).expect("the folder can be written");
-        let said = orchestrate(&["fmu", "inspect", text(&file)]);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = run_orchestrator(&["fmu", "inspect", text(&file)]);
+        assert_eq!(output.code, Some(2), "{output:?}");
         assert!(
-            said.err.contains(words) && said.err.contains("bad.fmu"),
-            "`{words}`: {said:?}"
+            output.err.contains(words) && output.err.contains("bad.fmu"),
+            "`{words}`: {output:?}"
         );
-        let said = run(&folder, &file, "", &[]);
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = run(&folder, &file, "", &[]);
+        assert_eq!(output.code, Some(2), "{output:?}");
         assert!(
-            said.err.contains(words) && said.err.contains("bad.toml:4"),
-            "`{words}`: {said:?}"
+            output.err.contains(words) && output.err.contains("bad.toml:4"),
+            "`{words}`: {output:?}"
         );
     }
 }

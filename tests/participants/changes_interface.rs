@@ -1,17 +1,17 @@
-//! Crashes in the middle of the run, and describes its output in another unit when it is started again: `fickle MARK`.
+//! Crashes in the middle of the run, and describes its output in another unit when it is started again: `changes_interface MARK`.
 
 use std::fs::File;
 use std::process::ExitCode;
 
-use escapement_tests::parts::Damper;
+use escapement_tests::participants::Damper;
 use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
 
-struct Fickle {
+struct ChangesInterface {
     damper: Damper,
     again: bool,
 }
 
-impl Participant for Fickle {
+impl Participant for ChangesInterface {
     fn interface(&self) -> Interface {
         let mut interface = self.damper.interface();
         if self.again {
@@ -38,12 +38,12 @@ impl Participant for Fickle {
 
 fn make(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let mark = std::env::args().nth(1).expect("the file to leave a mark in");
-    Ok(Box::new(Fickle {
+    Ok(Box::new(ChangesInterface {
         damper: Damper::default(),
         again: File::create_new(mark).is_err(),
     }))
 }
 
 fn main() -> ExitCode {
-    lockstep::host::run(make, "fickle")
+    lockstep::host::run(make, "changes_interface")
 }

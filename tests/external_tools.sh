@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Looks at a run as its user does: exports read back by the tools' own packages, the report opened in a real browser,
-# and a run watched in it while it goes on. Where Rerun is installed (`pip install rerun-sdk`) it makes and reads its recording too.
+# Checks a run with the tools of its user: exports read back by the tools' own packages, the report opened in a real browser,
+# and a run in progress followed in it. Where Rerun is installed (`pip install rerun-sdk`) it makes and reads its recording too.
 #
-#     tests/see.sh [ORCHESTRATOR [SCREENSHOTS]]
+#     tests/external_tools.sh [ORCHESTRATOR [SCREENSHOTS]]
 #
 # A check that fails does not keep the others from running. Installs what is missing: Chromium with its driver (Debian packages) and the Python packages of the requirements.txt files.
 set -euo pipefail
@@ -55,19 +55,19 @@ foreign_participant() {
     in_python="participants.right.run={ exe = \"$(command -v "$python")\", args = [\"../../tests/protocol/spring.py\"] }"
     "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python" --set "$in_python"
     "$orchestrator" compare "$work/rust" "$work/python"
-    # Draws and gaps too. That they keep the criterion of the scenario is not asked.
+    # Random delays and drops too. Whether they meet the criterion of the scenario is irrelevant here.
     late=(--set connections.to-right.jitter=7ms --set connections.to-left.drop=0.2 --set connections.to-left.hold=initial)
     "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust-late" "${late[@]}" || [ $? -eq 3 ]
     "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python-late" "${late[@]}" --set "$in_python" || [ $? -eq 3 ]
     "$orchestrator" compare "$work/rust-late" "$work/python-late"
-    # What it does not do it refuses, with a remedy.
+    # The program rejects what it does not support.
     for more in 'connections.to-right.map="by-name"' 'connections.to-left.hold="linear"'; do
-        said=$("$orchestrator" run examples/spring/spring.toml --quiet --out "$work/refused-${#more}" --set "$more" --set "$in_python" 2>&1) && return 1
-        grep -q "which this program does not do" <<< "$said"
+        output=$("$orchestrator" run examples/spring/spring.toml --quiet --out "$work/refused-${#more}" --set "$more" --set "$in_python" 2>&1) && return 1
+        grep -q "which this program does not do" <<< "$output"
     done
 }
 step "participant in Python" foreign_participant
 
-step "FMUs in other tools, and theirs here" tests/fmus/outside.sh "$orchestrator"
+step "FMUs in other tools, and FMUs of other tools in runs" tests/fmus/external_tools.sh "$orchestrator"
 
 failed_steps

@@ -1,6 +1,6 @@
-/* Steps an FMU of FMI 3.0 five times by 10 ms and prints what comes to its logger.
+/* Steps an FMU of FMI 3.0 five times by 10 ms and prints the messages that its logger receives.
  *
- *     hears LIBRARY RESOURCES TOKEN [off | CATEGORY ...]
+ *     logger LIBRARY RESOURCES TOKEN [off | CATEGORY ...]
  */
 #include <dlfcn.h>
 #include <stdbool.h>

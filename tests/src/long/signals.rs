@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, pidfd_open, pidfd_send_signal, waitpid};
 
-use super::{Check, Dice};
+use super::{CheckResult, Rng};
 use crate::program::{orchestrator, root};
 
 /// The time limit of a run, resumed run or campaign, including the time in which its processes are stopped.
@@ -51,7 +51,7 @@ pub(super) enum Moment {
 
 /// A signal, or a stop with its continuation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Strike {
+pub(super) struct ScheduledSignal {
     pub(super) moment: Moment,
     pub(super) target: Target,
     pub(super) action: Action,
@@ -59,11 +59,11 @@ pub(super) struct Strike {
 
 /// The outcome of a strike.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Hit {
+pub(super) struct DeliveredSignal {
     pub(super) target: Target,
     pub(super) action: Action,
     /// The slots or workers that were reached.
-    pub(super) seat: Option<usize>,
+    pub(super) slot: Option<usize>,
     /// Whether the orchestrator had opened the run folder, which it does after it has begun to handle signals.
     pub(super) opened: bool,
     /// Whether samples of the run were on the disk, so that every participant had been connected.
@@ -72,7 +72,7 @@ pub(super) struct Hit {
 
 /// A stream of the tape that shows the progress of a run.
 #[derive(Debug, Clone)]
-pub(super) struct Progress {
+pub(super) struct TapeProgress {
     pub(super) stream: PathBuf,
     /// Its full size.
     pub(super) whole: u64,
@@ -81,9 +81,9 @@ pub(super) struct Progress {
 }
 
 /// The names of an orchestrator's processes.
-pub(super) enum Parts {
+pub(super) enum ProcessNames {
     /// The names of the participants.
-    Seats(Vec<String>),
+    Participants(Vec<String>),
     /// The workers of a campaign.
     Workers,
 }
@@ -91,7 +91,7 @@ pub(super) enum Parts {
 /// A process, held open so that its process id cannot be reused.
 struct Process {
     handle: OwnedFd,
-    seat: Option<usize>,
+    slot: Option<usize>,
 }
 
 impl Process {
@@ -104,7 +104,7 @@ impl Process {
 pub(super) struct Running {
     child: Child,
     token: String,
-    said: [PathBuf; 2],
+    output_files: [PathBuf; 2],
     started: Instant,
     /// Signals that reached a process.
     pub(super) signals: u64,
@@ -112,7 +112,7 @@ pub(super) struct Running {
 
 /// How an orchestrator ended.
 #[derive(Debug)]
-pub(super) struct Ended {
+pub(super) struct RunOutcome {
     /// The exit code; `None` when a signal ended it.
     pub(super) code: Option<i32>,
     pub(super) signal: Option<i32>,
@@ -122,8 +122,8 @@ pub(super) struct Ended {
 impl Running {
     /// Starts the orchestrator with `arguments`; `folder` is for its output and its temporary files.
     pub(super) fn start(arguments: &[String], folder: &Path, token: &str) -> Running {
-        let said = ["stdout", "stderr"].map(|name| folder.join(name));
-        let [out, err] = [0, 1].map(|at| File::create(&said[at]).expect("the folder can be written"));
+        let output_files = ["stdout", "stderr"].map(|name| folder.join(name));
+        let [out, err] = [0, 1].map(|at| File::create(&output_files[at]).expect("the folder can be written"));
         let scratch = folder.join("scratch");
         fs::create_dir_all(&scratch).expect("the folder can be written");
         let child = Command::new(orchestrator())
@@ -138,7 +138,7 @@ impl Running {
         Running {
             child: child.expect("the orchestrator can be started"),
             token: token.to_owned(),
-            said,
+            output_files,
             started: Instant::now(),
             signals: 0,
         }
@@ -146,7 +146,7 @@ impl Running {
 
     /// Its standard error so far.
     pub(super) fn err(&self) -> String {
-        fs::read_to_string(&self.said[1]).unwrap_or_default()
+        fs::read_to_string(&self.output_files[1]).unwrap_or_default()
     }
 
     /// Whether it has ended; it can still be waited for.
@@ -155,18 +155,18 @@ impl Running {
     }
 
     /// Waits for the end.
-    pub(super) fn finish(mut self) -> Check<Ended> {
+    pub(super) fn finish(mut self) -> CheckResult<RunOutcome> {
         while !self.over() {
             if self.started.elapsed() > LIMIT {
                 let seen = self.err();
                 let _ = self.child.kill();
                 let _ = self.child.wait();
-                return Err(format!("it hangs; so far it said: {seen}"));
+                return Err(format!("it hangs; its standard error so far: {seen}"));
             }
             std::thread::sleep(Duration::from_millis(1));
         }
         let status = self.child.wait().expect("a child can be waited for");
-        Ok(Ended {
+        Ok(RunOutcome {
             code: status.code(),
             signal: std::os::unix::process::ExitStatusExt::signal(&status),
             err: self.err(),
@@ -174,40 +174,48 @@ impl Running {
     }
 
     /// Its participants, or the workers of a campaign, with their process ids.
-    fn processes(&self, parts: &Parts) -> Vec<Process> {
-        let found = marked(&self.token).into_iter().filter_map(|(pid, variables)| {
-            let handle = pidfd_open(Pid::from_raw(pid)?, PidfdFlags::empty()).ok()?;
-            let seat = match parts {
-                Parts::Seats(names) => {
-                    let name = variables
-                        .split(|byte| *byte == 0)
-                        .find_map(|one| one.strip_prefix(format!("{}=", lockstep::host::PARTICIPANT).as_bytes()))?;
-                    Some(names.iter().position(|own| own.as_bytes() == name)?)
-                }
-                Parts::Workers => is_worker(pid, self.child.id()).then_some(0),
-            }?;
-            // It is held open now: if it is still the same, its process id cannot have been reused.
-            (environment(pid)? == variables).then_some((
-                pid,
-                Process {
-                    handle,
-                    seat: Some(seat),
-                },
-            ))
-        });
+    fn processes(&self, parts: &ProcessNames) -> Vec<Process> {
+        let found = processes_with_token(&self.token)
+            .into_iter()
+            .filter_map(|(pid, variables)| {
+                let handle = pidfd_open(Pid::from_raw(pid)?, PidfdFlags::empty()).ok()?;
+                let slot = match parts {
+                    ProcessNames::Participants(names) => {
+                        let name = variables
+                            .split(|byte| *byte == 0)
+                            .find_map(|one| one.strip_prefix(format!("{}=", lockstep::host::PARTICIPANT).as_bytes()))?;
+                        Some(names.iter().position(|own| own.as_bytes() == name)?)
+                    }
+                    ProcessNames::Workers => is_worker(pid, self.child.id()).then_some(0),
+                }?;
+                // It is held open now: if it is still the same, its process id cannot have been reused.
+                (environment(pid)? == variables).then_some((
+                    pid,
+                    Process {
+                        handle,
+                        slot: Some(slot),
+                    },
+                ))
+            });
         let mut found: Vec<_> = found.collect();
-        if matches!(parts, Parts::Workers) {
+        if matches!(parts, ProcessNames::Workers) {
             found.sort_by_key(|(pid, _)| *pid);
             for (number, (_, worker)) in found.iter_mut().enumerate() {
-                worker.seat = Some(number);
+                worker.slot = Some(number);
             }
         }
         found.into_iter().map(|(_, process)| process).collect()
     }
 
     /// Waits for the moment of `strike` and delivers it; returns what it reached.
-    pub(super) fn deliver(&mut self, strike: &Strike, parts: &Parts, out: &Path, progress: &Progress) -> Vec<Hit> {
-        let us = match strike.moment {
+    pub(super) fn deliver(
+        &mut self,
+        scheduled: &ScheduledSignal,
+        parts: &ProcessNames,
+        out: &Path,
+        progress: &TapeProgress,
+    ) -> Vec<DeliveredSignal> {
+        let us = match scheduled.moment {
             Moment::After { us } => us,
             Moment::Tape { per_mille, us } => {
                 let size = progress.whole * per_mille / 1000;
@@ -225,20 +233,20 @@ impl Running {
             out.join("run.json").exists(),
             length(&progress.stream) > progress.before,
         );
-        let struck = self.targets(strike.target, parts);
-        let (first, last) = match strike.action {
+        let targets = self.targets(scheduled.target, parts);
+        let (first, last) = match scheduled.action {
             Action::Signal(signal) => (signal, None),
             Action::Pause { ms } => (Signal::STOP, Some(ms)),
             Action::Stop => (Signal::STOP, None),
         };
-        let mut hits = Vec::new();
-        for process in &struck {
+        let mut delivered = Vec::new();
+        for process in &targets {
             if process.send(first) {
                 self.signals += 1;
-                hits.push(Hit {
-                    target: strike.target,
-                    action: strike.action,
-                    seat: process.seat,
+                delivered.push(DeliveredSignal {
+                    target: scheduled.target,
+                    action: scheduled.action,
+                    slot: process.slot,
                     opened,
                     began,
                 });
@@ -247,22 +255,22 @@ impl Running {
         if let Some(ms) = last {
             std::thread::sleep(Duration::from_millis(ms));
             // Processes started or missed meanwhile were not stopped; a further signal does no harm.
-            let continued = struck.iter().filter(|process| process.send(Signal::CONT));
+            let continued = targets.iter().filter(|process| process.send(Signal::CONT));
             self.signals += continued.count() as u64;
         }
-        hits
+        delivered
     }
 
-    fn targets(&mut self, target: Target, parts: &Parts) -> Vec<Process> {
+    fn targets(&mut self, target: Target, parts: &ProcessNames) -> Vec<Process> {
         let own = (!self.over())
             .then(|| pidfd_open(Pid::from_child(&self.child), PidfdFlags::empty()).ok())
             .flatten()
-            .map(|handle| Process { handle, seat: None });
+            .map(|handle| Process { handle, slot: None });
         match target {
             Target::Orchestrator => own.into_iter().collect(),
-            Target::One(seat) => {
+            Target::One(slot) => {
                 let mut found = self.processes(parts);
-                found.retain(|process| process.seat == Some(seat));
+                found.retain(|process| process.slot == Some(slot));
                 found
             }
             Target::All { orchestrator_first } => {
@@ -295,7 +303,7 @@ fn is_worker(pid: i32, campaign: u32) -> bool {
 }
 
 /// The living processes of the run with `token`, with their environment. A zombie has none.
-fn marked(token: &str) -> Vec<(i32, Vec<u8>)> {
+fn processes_with_token(token: &str) -> Vec<(i32, Vec<u8>)> {
     let mark = format!("{TOKEN}={token}\0");
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
@@ -306,10 +314,10 @@ fn marked(token: &str) -> Vec<(i32, Vec<u8>)> {
 }
 
 /// Fails when a process of the run with `token` is left. Processes that the kernel ends with the orchestrator get `time`.
-pub(super) fn none_left(token: &str, time: Duration) -> Check<()> {
+pub(super) fn ensure_no_process_left(token: &str, time: Duration) -> CheckResult<()> {
     let started = Instant::now();
     loop {
-        let left = marked(token);
+        let left = processes_with_token(token);
         if left.is_empty() {
             return Ok(());
         }
@@ -338,33 +346,31 @@ pub(super) const PATIENCE: &str = "6 s";
 /// Longer than [`PATIENCE`].
 const LONG_MS: [u64; 2] = [6500, 8000];
 
-impl Strike {
-    /// A signal, or a stop and its continuation, among those that a run with `seats` participants may receive.
-    pub(super) fn draw(dice: &mut Dice, seats: usize, pauses_only: bool) -> Strike {
-        let moment = match dice.below(8) {
-            0 | 1 => Moment::After {
-                us: dice.below(120_000),
-            },
+impl ScheduledSignal {
+    /// A signal, or a stop and its continuation, among those that a run with `slots` participants may receive.
+    pub(super) fn random(rng: &mut Rng, slots: usize, pauses_only: bool) -> ScheduledSignal {
+        let moment = match rng.below(8) {
+            0 | 1 => Moment::After { us: rng.below(120_000) },
             2 => Moment::Tape {
                 per_mille: 1000,
-                us: dice.below(60_000),
+                us: rng.below(60_000),
             },
             _ => Moment::Tape {
-                per_mille: dice.below(1000),
-                us: dice.below(20_000),
+                per_mille: rng.below(1000),
+                us: rng.below(20_000),
             },
         };
-        let target = match dice.below(8) {
+        let target = match rng.below(8) {
             0 | 1 => Target::Orchestrator,
             2 => Target::All {
-                orchestrator_first: dice.one_in(2),
+                orchestrator_first: rng.one_in(2),
             },
-            _ => Target::One(dice.below(seats as u64) as usize),
+            _ => Target::One(rng.below(slots as u64) as usize),
         };
-        let pause = pauses_only || dice.one_in(4);
+        let pause = pauses_only || rng.one_in(4);
         let action = match target {
-            _ if pause => Strike::pause(dice, target),
-            Target::One(_) => Action::Signal(dice.pick(&[
+            _ if pause => ScheduledSignal::pause(rng, target),
+            Target::One(_) => Action::Signal(rng.choose(&[
                 Signal::KILL,
                 Signal::KILL,
                 Signal::KILL,
@@ -375,20 +381,20 @@ impl Strike {
                 Signal::SEGV,
                 Signal::USR1,
             ])),
-            Target::Orchestrator => Action::Signal(dice.pick(&[Signal::KILL, Signal::TERM, Signal::INT, Signal::HUP])),
-            Target::All { .. } => Action::Signal(dice.pick(&[Signal::KILL, Signal::TERM])),
+            Target::Orchestrator => Action::Signal(rng.choose(&[Signal::KILL, Signal::TERM, Signal::INT, Signal::HUP])),
+            Target::All { .. } => Action::Signal(rng.choose(&[Signal::KILL, Signal::TERM])),
         };
-        Strike { moment, target, action }
+        ScheduledSignal { moment, target, action }
     }
 
-    fn pause(dice: &mut Dice, target: Target) -> Action {
-        match dice.below(8) {
+    fn pause(rng: &mut Rng, target: Target) -> Action {
+        match rng.below(8) {
             0 if matches!(target, Target::One(_)) => Action::Stop,
             0..=2 => Action::Pause {
-                ms: dice.between(LONG_MS[0], LONG_MS[1]),
+                ms: rng.between(LONG_MS[0], LONG_MS[1]),
             },
             _ => Action::Pause {
-                ms: dice.between(1, 500),
+                ms: rng.between(1, 500),
             },
         }
     }
@@ -403,12 +409,12 @@ impl Strike {
     }
 }
 
-impl Hit {
+impl DeliveredSignal {
     /// Whether a participant that it reached may fail because of it. A suspension of everything, or of the orchestrator, does no harm.
-    pub(super) fn harms_a_participant(&self) -> bool {
+    pub(super) fn can_fail_a_participant(&self) -> bool {
         let one = matches!(self.target, Target::One(_));
         match self.action {
-            Action::Signal(_) => self.seat.is_some(),
+            Action::Signal(_) => self.slot.is_some(),
             Action::Stop => one,
             Action::Pause { ms } => one && ms >= LONG_MS[0],
         }
@@ -417,7 +423,7 @@ impl Hit {
     /// The signal that it sent to the orchestrator to end it.
     pub(super) fn ends_the_orchestrator(&self) -> Option<Signal> {
         match self.action {
-            Action::Signal(signal) if self.seat.is_none() => Some(signal),
+            Action::Signal(signal) if self.slot.is_none() => Some(signal),
             _ => None,
         }
     }

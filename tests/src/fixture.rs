@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use crate::machine::processes_of;
-use crate::program::{Folder, Said, orchestrate, participant, root, text};
+use crate::program::{Folder, ProgramOutput, participant, root, run_orchestrator, text};
 
 /// Writes the scenario with `damper` as the damper's program.
-pub fn oscillator(folder: &Folder, damper: &str) -> PathBuf {
+pub fn write_oscillator(folder: &Folder, damper: &str) -> PathBuf {
     let text = format!(
         r#"title = "A damped oscillator"
 duration = "10 s"
@@ -37,7 +37,7 @@ to = "plant.push"
 ///
 /// # Panics
 /// When it is not.
-pub fn prefix(undisturbed: &Path, run: &Path) -> u64 {
+pub fn assert_prefix(undisturbed: &Path, run: &Path) -> u64 {
     let lengths = ["plant.motion.bin", "damper.push.bin"].map(|stream| {
         let whole = std::fs::read(undisturbed.join("tape").join(stream)).expect("the undisturbed run has a tape");
         let part = std::fs::read(run.join("tape").join(stream)).expect("the run has a tape");
@@ -53,61 +53,61 @@ pub fn prefix(undisturbed: &Path, run: &Path) -> u64 {
 }
 
 /// A folder with a scenario and an undisturbed run of it.
-pub struct World {
+pub struct RunFixture {
     /// All files of the test.
     pub folder: Folder,
     /// The scenario of the run.
     pub scenario: PathBuf,
 }
 
-impl World {
+impl RunFixture {
     /// An undisturbed run, and the scenario with `damper` as the damper's program.
-    pub fn new(name: &str, damper: &str) -> World {
+    pub fn new(name: &str, damper: &str) -> RunFixture {
         let folder = Folder::new(name);
-        let healthy = oscillator(&folder, "damper");
+        let healthy = write_oscillator(&folder, "damper");
         let out = folder.path().join("undisturbed");
-        let said = orchestrate(&["run", text(&healthy), "--out", text(&out), "--quiet"]);
-        assert_eq!(said.code, Some(0), "{said:?}");
-        let scenario = oscillator(&folder, damper);
-        World { folder, scenario }
+        let output = run_orchestrator(&["run", text(&healthy), "--out", text(&out), "--quiet"]);
+        assert_eq!(output.code, Some(0), "{output:?}");
+        let scenario = write_oscillator(&folder, damper);
+        RunFixture { folder, scenario }
     }
 
-    /// A file or folder in the world.
+    /// A file or folder of the fixture.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// Runs the scenario, and checks that no process is left.
-    pub fn run(&self, name: &str, more: &[&str]) -> Said {
+    pub fn run(&self, name: &str, more: &[&str]) -> ProgramOutput {
         let out = self.path(name);
         let mut arguments = vec!["run", text(&self.scenario), "--out", text(&out)];
         arguments.extend(more);
-        let said = orchestrate(&arguments);
+        let output = run_orchestrator(&arguments);
         assert_eq!(
             processes_of(self.folder.path()),
             Vec::<String>::new(),
             "processes are left"
         );
-        said
+        output
     }
 
     /// Resumes the run `from`.
-    pub fn resume(&self, from: &str, name: &str, more: &[&str]) -> Said {
+    pub fn resume(&self, from: &str, name: &str, more: &[&str]) -> ProgramOutput {
         let (run, out) = (self.path(from), self.path(name));
         let mut arguments = vec!["resume", text(&run), "--out", text(&out)];
         arguments.extend(more);
-        orchestrate(&arguments)
+        run_orchestrator(&arguments)
     }
 
     /// Checks that the run `name` has the tape of the undisturbed one.
-    pub fn same_as_undisturbed(&self, name: &str) {
-        let said = orchestrate(&["compare", text(&self.path("undisturbed")), text(&self.path(name))]);
-        assert_eq!(said.code, Some(0), "{said:?}");
+    pub fn assert_same_as_undisturbed(&self, name: &str) {
+        let output = run_orchestrator(&["compare", text(&self.path("undisturbed")), text(&self.path(name))]);
+        assert_eq!(output.code, Some(0), "{output:?}");
     }
 
     /// Checks that the tape of `name` is a prefix of the undisturbed one; returns the number of samples of its shortest stream.
-    pub fn prefix(&self, name: &str) -> u64 {
-        prefix(&self.path("undisturbed"), &self.path(name))
+    pub fn assert_prefix(&self, name: &str) -> u64 {
+        assert_prefix(&self.path("undisturbed"), &self.path(name))
     }
 
     /// The events on the tape of `name`.
@@ -122,12 +122,12 @@ impl World {
         u64::from_le_bytes(record[16..].try_into().expect("eight bytes"))
     }
 
-    /// A world whose scenario has `more` appended.
-    pub fn with(name: &str, damper: &str, more: &str) -> World {
-        let world = World::new(name, damper);
-        let scenario = std::fs::read_to_string(&world.scenario).expect("it was just written") + more;
-        std::fs::write(&world.scenario, scenario).expect("the folder can be written");
-        world
+    /// A fixture whose scenario has `more` appended.
+    pub fn with_appended(name: &str, damper: &str, more: &str) -> RunFixture {
+        let fixture = RunFixture::new(name, damper);
+        let scenario = std::fs::read_to_string(&fixture.scenario).expect("it was just written") + more;
+        std::fs::write(&fixture.scenario, scenario).expect("the folder can be written");
+        fixture
     }
 }
 
@@ -141,13 +141,13 @@ pub fn substitution(at: &str, program: &str, state: &str) -> String {
 }
 
 /// Writes the scenario of two masses from the project's template, 200 ms of it; returns the file.
-pub fn masses(folder: &Folder) -> PathBuf {
+pub fn write_two_masses(folder: &Folder) -> PathBuf {
     let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
     folder.write("m.toml", &scenario.replace("10 s\"", "200 ms\""))
 }
 
 /// Writes the scenario of two masses from the project's template, in one program, with a measure and a fault; returns the file's name.
-pub fn springs(folder: &Folder) -> String {
+pub fn write_springs(folder: &Folder) -> String {
     let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
     let scenario = scenario
         .replace("10 s\"", "200 ms\"")

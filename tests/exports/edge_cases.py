@@ -1,6 +1,6 @@
-"""A tape of everything that a table or a file format may stumble over, written from the documentation of tapes alone.
+"""A tape of the edge cases of tables and file formats, written from the documentation of tapes alone.
 
-    python3 tests/exports/awkward.py RUN
+    python3 tests/exports/edge_cases.py RUN
 
 Names that another column has, that differ in case only, or that other tools read as paths; pictures and point clouds; the ends of
 every number's range; a stream without a sample; streams whose messages would get one name.

@@ -4,7 +4,7 @@ use engine::run::{Options, Record};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
 
 /// Options for a run in this process with this record.
-pub fn inside(record: Record) -> Options {
+pub fn in_process_options(record: Record) -> Options {
     Options {
         in_process: true,
         record,

@@ -2,7 +2,7 @@
 # FMUs of other tools in our runs, and ours in other tools: FMPy validates and drives what `fmu export` makes, libcosim and Ecos step it, and
 # the FMUs of OpenModelica, PythonFMU and PythonFMU3 take part in runs, and libcosim and we run one system structure.
 #
-#     tests/fmus/outside.sh [ORCHESTRATOR]
+#     tests/fmus/external_tools.sh [ORCHESTRATOR]
 #
 # Installs the Python packages of requirements.txt into a folder that it removes. Nothing of them is kept in this project.
 set -euo pipefail
@@ -27,9 +27,9 @@ fi
 "$python" -m zipfile --extract "$work"/gemseo_fmu-*.whl "$work/gemseo"
 
 echo "FMUs in"
-"$python" tests/fmus/inside.py "$orchestrator" "$work" "$work/gemseo/gemseo_fmu/problems/fmu_files/linux"
+"$python" tests/fmus/imported.py "$orchestrator" "$work" "$work/gemseo/gemseo_fmu/problems/fmu_files/linux"
 echo "Systems in"
 "$python" tests/fmus/systems.py "$orchestrator" "$work"
 echo "FMUs out"
-"$python" tests/fmus/outside.py "$orchestrator" "$work"
+"$python" tests/fmus/exported.py "$orchestrator" "$work"
 "$python" tests/fmus/clients.py "$orchestrator" "$work"

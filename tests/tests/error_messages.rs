@@ -1,35 +1,39 @@
-//! A mistake is reported once, with the option that caused it and where to correct it; its consequences are not reported as mistakes.
+//! An error is reported once, with the option that caused it and the place to correct it; its consequences are not reported as errors.
 
 use std::path::Path;
 
-use escapement_tests::program::{Folder, Said, orchestrate, orchestrator, refused, root, text};
-use escapement_tests::world;
+use escapement_tests::fixture;
+use escapement_tests::program::{Folder, ProgramOutput, assert_refused, orchestrator, root, run_orchestrator, text};
 
 #[test]
-fn a_connection_that_is_refused_is_the_only_mistake() {
+fn refused_connection_is_the_only_error() {
     let folder = Folder::new("one-mistake");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     for (set, key, part) in [
         ("delay=-1ms", "connections.to-right.delay", "must not be negative"),
         ("drop=1.5", "connections.to-right.drop", "between 0 and 1"),
         ("delay=\"1000 s\"", "connections.to-right.delay", "in flight"),
     ] {
         let set = format!("connections.to-right.{set}");
-        let said = orchestrate(&["check", text(&file), "--set", &set]);
+        let output = run_orchestrator(&["check", text(&file), "--set", &set]);
         // With its own key, and not with a line of the file, which is correct.
-        let told = format!("m.toml: {key}: ");
-        refused(&said, &[&told, part, "(given with --set)"], &["not connected"]);
-        assert_eq!(said.err.lines().count(), 1, "{}", said.err);
+        let expected = format!("m.toml: {key}: ");
+        assert_refused(&output, &[&expected, part, "(given with --set)"], &["not connected"]);
+        assert_eq!(output.err.lines().count(), 1, "{}", output.err);
     }
     // A mistake in a whole connection reports which of its keys are not from the file.
-    let said = orchestrate(&["check", text(&file), "--set", "connections.to-right.from=left.movement"]);
-    refused(&said, &["`movement`", "(`from` given with --set)"], &["not connected"]);
+    let output = run_orchestrator(&["check", text(&file), "--set", "connections.to-right.from=left.movement"]);
+    assert_refused(
+        &output,
+        &["`movement`", "(`from` given with --set)"],
+        &["not connected"],
+    );
 }
 
 #[test]
-fn a_value_of_a_wrong_type_is_refused_with_what_to_write() {
+fn value_of_wrong_type_is_refused_with_the_remedy() {
     let folder = Folder::new("wrong-types");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     for (set, parts) in [
         ("duration=10", ["duration: `10` is not a time", "a number and a unit"]),
         ("duration=nan", ["duration: `NaN` is not a time", "a number and a unit"]),
@@ -60,16 +64,16 @@ fn a_value_of_a_wrong_type_is_refused_with_what_to_write() {
             ],
         ),
     ] {
-        let said = orchestrate(&["check", text(&file), "--set", set]);
-        refused(&said, &parts, &["struct", "Spec"]);
-        assert!(said.err.contains("(given with --set)"), "{}", said.err);
+        let output = run_orchestrator(&["check", text(&file), "--set", set]);
+        assert_refused(&output, &parts, &["struct", "Spec"]);
+        assert!(output.err.contains("(given with --set)"), "{}", output.err);
     }
 }
 
 #[test]
-fn a_participant_with_a_bad_name_is_refused_at_its_line() {
+fn participant_with_an_invalid_name_is_refused_at_its_line() {
     let folder = Folder::new("bad-names");
-    let whole = std::fs::read_to_string(world::masses(&folder)).expect("it was written");
+    let whole = std::fs::read_to_string(fixture::write_two_masses(&folder)).expect("it was written");
     assert!(whole.contains("[participants.left]"), "{whole}");
     for name in ["a.b", "a b", "1a", ""] {
         let wrong = whole
@@ -81,35 +85,35 @@ fn a_participant_with_a_bad_name_is_refused_at_its_line() {
             .position(|line| line.starts_with("[participants.\""))
             .expect("it is there")
             + 1;
-        let said = orchestrate(&["check", text(&folder.write("names.toml", &wrong))]);
-        let told = format!("participants.{name}: `{name}` is not a name: use up to 64 letters");
-        refused(&said, &[&told, "starting with a letter"], &["connections"]);
+        let output = run_orchestrator(&["check", text(&folder.write("names.toml", &wrong))]);
+        let expected = format!("participants.{name}: `{name}` is not a name: use up to 64 letters");
+        assert_refused(&output, &[&expected, "starting with a letter"], &["connections"]);
         assert!(
-            name.is_empty() || said.err.contains(&format!("names.toml:{line}: ")),
+            name.is_empty() || output.err.contains(&format!("names.toml:{line}: ")),
             "{}",
-            said.err
+            output.err
         );
     }
 }
 
 #[test]
-fn a_folder_that_is_not_there_is_told() {
+fn missing_folder_is_reported() {
     let folder = Folder::new("no-folder");
-    let whole = std::fs::read_to_string(world::masses(&folder)).expect("it was written");
+    let whole = std::fs::read_to_string(fixture::write_two_masses(&folder)).expect("it was written");
     let file = folder.write("elsewhere.toml", &format!("folder = \"/nonexistent\"\n{whole}"));
     // Builtins need no folder; a program is started in it.
-    let said = orchestrate(&["check", text(&file)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let told = "elsewhere.toml:1: folder: there is no folder `/nonexistent`";
-    assert!(format!("{}{}", said.out, said.err).contains(told), "{said:?}");
-    let said = orchestrate(&[
+    let output = run_orchestrator(&["check", text(&file)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let expected = "elsewhere.toml:1: folder: there is no folder `/nonexistent`";
+    assert!(format!("{}{}", output.out, output.err).contains(expected), "{output:?}");
+    let output = run_orchestrator(&[
         "check",
         text(&file),
         "--set",
         "participants.left.run={ exe = \"true\" }",
     ]);
-    refused(
-        &said,
+    assert_refused(
+        &output,
         &[
             "folder: there is no folder `/nonexistent",
             "in which programs are started",
@@ -121,22 +125,22 @@ fn a_folder_that_is_not_there_is_told() {
 #[test]
 fn titles_with_control_characters_are_refused_and_escaped() {
     let folder = Folder::new("titles");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     let out = folder.path().join("out");
     let list = folder.write("cases.toml", "title = \"\\u001b[2J\"\n[[case]]\nname = \"healthy\"\n");
-    let cases = orchestrate(&["faults", text(&file), "--cases", text(&list), "--out", text(&out)]);
+    let cases = run_orchestrator(&["faults", text(&file), "--cases", text(&list), "--out", text(&out)]);
     let stock = std::fs::read_to_string(root().join("gains/p-diagonal.spec.toml")).expect("it is there");
     let title = stock
         .lines()
         .find(|line| line.starts_with("title = "))
         .expect("it has a title");
     let spec = folder.write("p.spec.toml", &stock.replace(title, "title = \"\\u001b[2J\""));
-    let tuned = orchestrate(&["tune", text(&spec), "--out", text(&out)]);
-    for (said, name) in [(cases, "cases.toml"), (tuned, "p.spec.toml")] {
-        let told = "title: \"\\u{1b}[2J\" has the control character";
-        refused(
-            &said,
-            &[name, told, "write one line without control characters"],
+    let tuned = run_orchestrator(&["tune", text(&spec), "--out", text(&out)]);
+    for (output, name) in [(cases, "cases.toml"), (tuned, "p.spec.toml")] {
+        let expected = "title: \"\\u{1b}[2J\" has the control character";
+        assert_refused(
+            &output,
+            &[name, expected, "write one line without control characters"],
             &["\u{1b}"],
         );
     }
@@ -144,56 +148,56 @@ fn titles_with_control_characters_are_refused_and_escaped() {
 }
 
 #[test]
-fn a_change_is_said_to_be_where_it_comes_from() {
+fn error_in_an_override_names_its_origin() {
     let folder = Folder::new("where-from");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     let out = folder.path().join("out");
     let shadow = ["--shadow", "left=builtin:spring", "--shadow-set", "massx=1"];
-    let said = orchestrate(&[&["run", text(&file), "--out", text(&out)], &shadow[..]].concat());
-    refused(&said, &["massx", "given with --shadow-set"], &["given with --set"]);
+    let output = run_orchestrator(&[&["run", text(&file), "--out", text(&out)], &shadow[..]].concat());
+    assert_refused(&output, &["massx", "given with --shadow-set"], &["given with --set"]);
     let vary = ["--vary", "connections.to-right.dellay=0ms"];
-    let said = orchestrate(&[&["sweep", text(&file), "--out", text(&out)], &vary[..]].concat());
-    refused(&said, &["dellay", "varied by the campaign"], &["--set"]);
+    let output = run_orchestrator(&[&["sweep", text(&file), "--out", text(&out)], &vary[..]].concat());
+    assert_refused(&output, &["dellay", "varied by the campaign"], &["--set"]);
     let campaign = "scenario = \"m.toml\"\npoints = 4\n[vary.k]\nkey = \"participants.left.parameters.stiffness\"\n\
                     distribution = \"uniform\"\nfrom = \"-9 N/m\"\nto = \"-5 N/m\"\n";
     let campaign = folder.write("campaign.toml", campaign);
-    let said = orchestrate(&["sweep", text(&campaign), "--out", text(&out)]);
-    refused(&said, &["vary.k", "varied by the campaign"], &["--set"]);
+    let output = run_orchestrator(&["sweep", text(&campaign), "--out", text(&out)]);
+    assert_refused(&output, &["vary.k", "varied by the campaign"], &["--set"]);
     assert!(!out.exists(), "nothing is written");
 }
 
 #[test]
-fn a_program_of_an_option_is_looked_for_where_the_command_is_given() {
+fn program_in_an_option_is_relative_to_the_working_directory() {
     let folder = Folder::new("given-here");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     for option in ["--substitute", "--shadow"] {
         for name in ["./nothere", "nothere.so"] {
             let out = folder.path().join("out");
             let given = format!("left={name}");
-            let said = orchestrate(&["run", text(&file), "--out", text(&out), option, &given]);
+            let output = run_orchestrator(&["run", text(&file), "--out", text(&out), option, &given]);
             let here = root().join("nothere");
-            refused(&said, &[text(&here), option], &["scenario's folder"]);
+            assert_refused(&output, &[text(&here), option], &["scenario's folder"]);
             assert!(!out.exists(), "nothing is written");
         }
     }
-    let said = orchestrate(&[
+    let output = run_orchestrator(&[
         "check",
         text(&file),
         "--set",
         "participants.left.run={ exe = \"./nothere\" }",
     ]);
-    refused(&said, &["one from the scenario's folder", "given with --set"], &[]);
+    assert_refused(&output, &["one from the scenario's folder", "given with --set"], &[]);
 }
 
 #[test]
-fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
+fn parameters_refused_by_a_substitute_name_the_substitute() {
     let folder = Folder::new("taken-over");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     let refuses = "the builtin `controller` refuses `participants.left.parameters";
     for option in ["--substitute", "--shadow"] {
         let given = format!("given with {option}");
         let out = folder.path().join("out");
-        let said = orchestrate(&[
+        let output = run_orchestrator(&[
             "run",
             text(&file),
             "--out",
@@ -201,8 +205,8 @@ fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
             option,
             "left=builtin:controller",
         ]);
-        refused(
-            &said,
+        assert_refused(
+            &output,
             &["m.toml: participants.left.run: ", refuses, "(line ", &given],
             &[],
         );
@@ -213,9 +217,9 @@ fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
     let part = "period = \"1 ms\"";
     assert!(spring.contains(part), "{spring}");
     let policy = folder.write("policy.toml", &spring.replacen(part, &format!("{part}\n{policy}"), 1));
-    let said = orchestrate(&["check", text(&policy)]);
-    refused(
-        &said,
+    let output = run_orchestrator(&["check", text(&policy)]);
+    assert_refused(
+        &output,
         &[
             "policy.toml:",
             "participants.left.on-failure.substitute: ",
@@ -227,14 +231,18 @@ fn parameters_that_a_substitute_refuses_are_its_own_mistake() {
     let fault =
         "[[faults]]\nat = \"0.1 s\"\nsubstitute = \"left\"\nstate = \"cold\"\nrun = { builtin = \"controller\" }\n";
     let fault = folder.write("fault.toml", &format!("{spring}\n{fault}"));
-    let said = orchestrate(&["check", text(&fault)]);
-    refused(&said, &["fault.toml:", "faults.fault-1.run: ", refuses, "(line "], &[]);
+    let output = run_orchestrator(&["check", text(&fault)]);
+    assert_refused(
+        &output,
+        &["fault.toml:", "faults.fault-1.run: ", refuses, "(line "],
+        &[],
+    );
 }
 
 #[test]
-fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
+fn external_program_is_refused_in_process_before_any_run() {
     let folder = Folder::new("of-its-own");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     let out = folder.path().join("out");
     let mut run = vec!["run", text(&file), "--out", text(&out), "--in-process"];
     run.extend(["--set", "participants.left.run={ exe = \"true\" }"]);
@@ -243,14 +251,14 @@ fn a_program_of_its_own_is_refused_in_one_process_before_anything_runs() {
         "leave out --in-process",
         "given with --set",
     ];
-    refused(&orchestrate(&run), &parts, &[]);
+    assert_refused(&run_orchestrator(&run), &parts, &[]);
     assert!(!out.exists(), "nothing is written");
 }
 
 #[test]
-fn patience_is_warned_of_where_it_has_no_effect() {
+fn patience_without_effect_is_warned_of() {
     let folder = Folder::new("no-patience");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     let warning = "warning: --patience 5 s has no effect on a run in one process";
     for (number, (more, warned)) in [
         (&["--patience", "5 s", "--in-process"][..], true),
@@ -261,14 +269,14 @@ fn patience_is_warned_of_where_it_has_no_effect() {
     .enumerate()
     {
         let out = folder.path().join(number.to_string());
-        let said = orchestrate(&[&["run", text(&file), "--out", text(&out)], more].concat());
-        assert_eq!(said.code, Some(0), "{said:?}");
-        assert_eq!(said.err.contains(warning), warned, "{said:?}");
+        let output = run_orchestrator(&[&["run", text(&file), "--out", text(&out)], more].concat());
+        assert_eq!(output.code, Some(0), "{output:?}");
+        assert_eq!(output.err.contains(warning), warned, "{output:?}");
     }
 }
 
 #[test]
-fn a_file_that_cannot_be_read_is_a_refusal_that_is_told_once() {
+fn unreadable_file_is_refused_and_reported_once() {
     let nothing = Folder::new("read-once").path().join("nothere");
     let nothing = |ending: &str| nothing.with_extension(ending);
     for (command, file, part) in [
@@ -277,20 +285,20 @@ fn a_file_that_cannot_be_read_is_a_refusal_that_is_told_once() {
         (&["model"], nothing("urdf"), "No such file"),
         (&["model"], root().join("scenarios/close.toml"), "close.toml"),
     ] {
-        let said = orchestrate(&[command, &[text(&file)]].concat());
-        refused(&said, &[part], &[]);
-        let line = said.err.lines().next().unwrap().trim_start_matches("error: ");
+        let output = run_orchestrator(&[command, &[text(&file)]].concat());
+        assert_refused(&output, &[part], &[]);
+        let line = output.err.lines().next().unwrap().trim_start_matches("error: ");
         let said_twice = line
             .split(": ")
             .any(|words| words.len() > 12 && line.matches(words).count() > 1);
-        assert!(!said_twice, "{}", said.err);
+        assert!(!said_twice, "{}", output.err);
     }
 }
 
 #[test]
-fn who_ends_before_it_has_entered_the_run_is_said_to() {
+fn participant_exit_before_the_handshake_is_reported() {
     let folder = Folder::new("ends-early");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     let out = folder.path().join("out");
     let killed = folder.write("killed", "#!/bin/sh\nkill -9 $$\n");
     let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
@@ -300,7 +308,7 @@ fn who_ends_before_it_has_entered_the_run_is_said_to() {
         (&killed, "was ended by signal 9 (killed)"),
     ] {
         let given = format!("left={}", text(program));
-        let said = orchestrate(&[
+        let output = run_orchestrator(&[
             "run",
             text(&file),
             "--substitute",
@@ -309,19 +317,19 @@ fn who_ends_before_it_has_entered_the_run_is_said_to() {
             text(&out),
             "--force",
         ]);
-        assert_eq!(said.code, Some(1), "{said:?}");
+        assert_eq!(output.code, Some(1), "{output:?}");
         let words = format!("participant `left`: {how} before it had entered the run; it wrote nothing");
-        assert!(said.err.contains(&words), "{said:?}");
+        assert!(output.err.contains(&words), "{output:?}");
     }
 }
 
 #[test]
-fn an_export_of_a_window_without_samples_is_refused() {
+fn export_of_a_window_without_samples_is_refused() {
     let folder = Folder::new("empty-export");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));
-    let said = orchestrate(&["run", text(&file), "--in-process", "--out", text(&run)]);
-    assert_eq!(said.code, Some(0), "{said:?}");
+    let output = run_orchestrator(&["run", text(&file), "--in-process", "--out", text(&run)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
     for format in ["csv", "parquet", "mat", "mcap"] {
         let windows: [(&[&str], &[&str]); 2] = [
             (
@@ -333,16 +341,17 @@ fn an_export_of_a_window_without_samples_is_refused() {
                 &["--from: ", "no sample lies at or after", "have samples from 0.0 s to"],
             ),
         ];
-        for (window, told) in windows {
-            let said = orchestrate(&[&["export", text(&run), "--to", format, "--out", text(&out)], window].concat());
-            refused(&said, told, &[]);
+        for (window, expected) in windows {
+            let output =
+                run_orchestrator(&[&["export", text(&run), "--to", format, "--out", text(&out)], window].concat());
+            assert_refused(&output, expected, &[]);
             assert!(!out.exists(), "nothing is written");
         }
     }
 }
 
 /// The same command, with its standard output on a disk that is full.
-fn on_a_full_disk(arguments: &[&str]) -> Said {
+fn run_on_full_disk(arguments: &[&str]) -> ProgramOutput {
     let mut command = std::process::Command::new("/bin/sh");
     command
         .args(["-c", "exec \"$0\" \"$@\" >/dev/full"])
@@ -358,7 +367,7 @@ fn on_a_full_disk(arguments: &[&str]) -> Said {
 #[test]
 fn output_that_cannot_be_written_is_an_error() {
     let folder = Folder::new("full");
-    let file = world::masses(&folder);
+    let file = fixture::write_two_masses(&folder);
     let run = folder.path().join("run");
     let (file, run) = (text(&file), text(&run));
     let whole: &[&[&str]] = &[
@@ -378,17 +387,17 @@ fn output_that_cannot_be_written_is_an_error() {
         &["--version"],
     ];
     for arguments in whole {
-        let said = on_a_full_disk(arguments);
-        assert_eq!(said.code, Some(1), "{arguments:?}: {said:?}");
-        let told = "error: standard output cannot be written: No space left on device";
-        assert_eq!(said.err.matches(told).count(), 1, "{arguments:?}: {said:?}");
-        assert_eq!(said.err.matches("No space").count(), 1, "{arguments:?}: {said:?}");
+        let output = run_on_full_disk(arguments);
+        assert_eq!(output.code, Some(1), "{arguments:?}: {output:?}");
+        let expected = "error: standard output cannot be written: No space left on device";
+        assert_eq!(output.err.matches(expected).count(), 1, "{arguments:?}: {output:?}");
+        assert_eq!(output.err.matches("No space").count(), 1, "{arguments:?}: {output:?}");
     }
     // The work that was done remains done.
     assert!(Path::new(run).join("summary.json").exists() && Path::new(run).join("report.html").exists());
     // Where there is no output, none is missing.
     assert_eq!(
-        on_a_full_disk(&["run", file, "--quiet", "--force", "--out", run]).code,
+        run_on_full_disk(&["run", file, "--quiet", "--force", "--out", run]).code,
         Some(0)
     );
 }

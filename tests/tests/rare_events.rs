@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::time::Instant;
 
-use escapement_tests::program::{Folder, built, call, finish, orchestrate, root, start, text};
+use escapement_tests::program::{
+    Folder, built, root, run_orchestrator, run_program, start_orchestrator, text, wait_for_output,
+};
 use testing::random::SplitMix;
 
 const CAMPAIGN: &str = r#"
@@ -29,7 +31,7 @@ const CRITERION: &str =
     "\n[measures.swing]\nof = \"right.motion.position\"\ncompute = \"max-abs\"\nat-most = \"1.2 mm\"\n";
 
 /// The probability of a standard normal number beyond `x` to either side, by Simpson's rule.
-fn beyond(x: f64) -> f64 {
+fn normal_tail_probability(x: f64) -> f64 {
     let density = |t: f64| (-0.5 * t * t).exp() / std::f64::consts::TAU.sqrt();
     let step = 10.0 / 2000.0;
     let sum: f64 = (0..2000)
@@ -64,12 +66,12 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
+fn probability_equals_the_known_one_despite_interruptions() {
     let folder = Folder::new("rare");
     springs(&folder, "");
     let file = folder.write("rare.toml", CAMPAIGN);
     // The system is linear: the swing for one start determines the swing for all.
-    let one = orchestrate(&[
+    let one = run_orchestrator(&[
         "run",
         text(&folder.path().join("springs.toml")),
         "--in-process",
@@ -82,15 +84,16 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
         .as_f64()
         .unwrap_or_else(|| panic!("{one}"));
     let (swing, limit, deviation) = (swing * 1e3 / 100.0, 1.2, 4.0);
-    let truth = beyond(limit / (swing * deviation));
+    let truth = normal_tail_probability(limit / (swing * deviation));
     assert!((1e-5..1e-3).contains(&truth), "{truth:e} is what is looked for");
 
     let out = |name: &str| folder.path().join(name);
-    let sweep =
-        |name: &str, more: &[&str]| orchestrate(&[&["sweep", text(&file), "--out", text(&out(name))], more].concat());
-    let said = sweep("one", &["--workers", "1", "--json"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let known = said.json()["rare"].clone();
+    let sweep = |name: &str, more: &[&str]| {
+        run_orchestrator(&[&["sweep", text(&file), "--out", text(&out(name))], more].concat())
+    };
+    let output = sweep("one", &["--workers", "1", "--json"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let known = output.json()["rare"].clone();
     let [low, high] = [0, 1].map(|at| known["interval"][at].as_f64().unwrap());
     assert!(low < truth && truth < high, "{low:e} to {high:e}, not {truth:e}");
     assert!(high / low < 100.0, "{low:e} to {high:e}"); // few misses have independent ancestors
@@ -102,19 +105,16 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
     let curve = known["exceedance"].as_array().unwrap();
     for point in curve {
         let [value, part] = [0, 1].map(|at| point[at].as_f64().unwrap());
-        let truth = beyond(value / (swing * deviation));
+        let truth = normal_tail_probability(value / (swing * deviation));
         assert!(
             truth < 1e-4 || (part / truth).ln().abs() < 0.8,
             "beyond {value}: {part:e}, not {truth:e}"
         );
     }
 
-    let said = sweep("three", &["--workers", "3"]);
-    assert!(
-        said.out
-            .contains("swing (at most 1.20 mm) is missed with a probability of"),
-        "{said:?}"
-    );
+    let output = sweep("three", &["--workers", "3"]);
+    let result = "swing (at most 1.20 mm) is missed with a probability of";
+    assert!(output.out.contains(result), "{output:?}");
     assert_eq!(files(&out("one")), files(&out("three")));
 
     // Killed repeatedly, at any level.
@@ -124,13 +124,13 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
     let alone = begun.elapsed();
     let mut kills = 0;
     loop {
-        let mut child = start(&["sweep", text(&file), "--out", text(&out("killed")), "--quiet"]);
+        let mut child = start_orchestrator(&["sweep", text(&file), "--out", text(&out("killed")), "--quiet"]);
         std::thread::sleep(alone.mul_f64((random.bits() % 1000) as f64 / 1000.0));
         if kills < 10 && child.try_wait().unwrap().is_none() {
             child.kill().unwrap();
             kills += 1;
         }
-        if finish(child).code == Some(0) {
+        if wait_for_output(child).code == Some(0) {
             break;
         }
     }
@@ -138,7 +138,7 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
 
     // A point repeated alone, with the same tape.
     let last = format!("{}:{}", text(&out("one")), known["points"]);
-    let again = orchestrate(&["run", "--point", &last, "--in-process", "--out", text(&out("again"))]);
+    let again = run_orchestrator(&["run", "--point", &last, "--in-process", "--out", text(&out("again"))]);
     assert!(
         matches!(again.code, Some(0 | 3)) && !again.err.contains("another tape"),
         "{again:?}"
@@ -165,19 +165,19 @@ fn lander_that_falls_too_fast_is_found_too() {
     let out = folder.path().join("out");
     let sweep = |criterion: &str, more: &[&str]| {
         let file = folder.write("rare.toml", &campaign.replace("CRITERION", criterion));
-        call(&program, &[&["sweep", text(&file), "--out", text(&out)], more].concat())
+        run_program(&program, &[&["sweep", text(&file), "--out", text(&out)], more].concat())
     };
-    let said = sweep("nothing", &[]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = sweep("nothing", &[]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in ["there is no criterion `nothing`: there is `", "`fall`", "`propellant`"] {
-        assert!(said.err.contains(part), "{said:?}");
+        assert!(output.err.contains(part), "{output:?}");
     }
-    let said = sweep("fall", &["--json"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let json = said.json();
+    let output = sweep("fall", &["--json"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let json = output.json();
     let (rows, known) = (json["rows"].as_array().unwrap(), &json["rare"]);
     // The initial speed is 30 m/s, and nothing changes it within 5 ms.
-    let truth = beyond(10.0 / 3.0) / 2.0;
+    let truth = normal_tail_probability(10.0 / 3.0) / 2.0;
     let [low, high] = [0, 1].map(|at| known["interval"][at].as_f64().unwrap());
     assert!(
         low < truth && truth < high && high / low < 10.0,
@@ -193,79 +193,79 @@ fn lander_that_falls_too_fast_is_found_too() {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn invalid_subset_simulation_is_refused() {
     let folder = Folder::new("rare-refused");
     springs(&folder, "");
     let out = folder.path().join("out");
-    let refused = |text_of: &str, more: &[&str], parts: &[&str]| {
+    let assert_refused = |text_of: &str, more: &[&str], parts: &[&str]| {
         let file = folder.write("wrong.toml", text_of);
-        let said = orchestrate(&[&["sweep", text(&file), "--out", text(&out), "--quiet"], more].concat());
-        assert_eq!(said.code, Some(2), "{said:?}");
+        let output = run_orchestrator(&[&["sweep", text(&file), "--out", text(&out), "--quiet"], more].concat());
+        assert_eq!(output.code, Some(2), "{output:?}");
         for part in parts {
-            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+            assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
         }
         assert!(!out.exists(), "nothing is run");
     };
     let with = |from: &str, to: &str| CAMPAIGN.replace(from, to);
     let table = |more: &str| format!("{CAMPAIGN}\n[subset]\n{more}\n");
-    refused(
+    assert_refused(
         &with("points = 300", "points = 305"),
         &[],
         &["points", "305 cannot be divided into chains of 10"],
     );
-    refused(
+    assert_refused(
         &table("share = 0.3"),
         &[],
         &["subset.share", "0.3 is not one over a whole number"],
     );
-    refused(
+    assert_refused(
         &table("levels = 0"),
         &[],
         &["subset.levels", "0 is no whole number from 1 to 100"],
     );
-    refused(
+    assert_refused(
         &table("level = 3"),
         &[],
         &["subset.level", "unknown key", "criterion, share, levels"],
     );
-    refused(
+    assert_refused(
         &table("criterion = \"speed\""),
         &[],
         &["wrong.toml:20: subset.criterion: ", "no criterion `speed`", "`swing`"],
     );
-    refused(
+    assert_refused(
         &with("\"subset\"", "\"random\"").replace("seed = 5", "seed = 5\nsubset = { levels = 3 }"),
         &[],
         &["subset", "write design = \"subset\""],
     );
-    refused(
+    assert_refused(
         &with("deviation = \"4 mm\"", "deviation = \"4 mm\"\ndesign = \"sobol\""),
         &[],
         &["vary.start.design", "design subset has one for all dispersions"],
     );
-    refused(CAMPAIGN, &["--until", "met within 1 %"], &["--until", "leave it out"]);
-    refused(
+    assert_refused(CAMPAIGN, &["--until", "met within 1 %"], &["--until", "leave it out"]);
+    assert_refused(
         CAMPAIGN,
         &["--shard", "1/2"],
         &["--shard", "depend on those before them"],
     );
-    refused(CAMPAIGN, &["--on", "shell"], &["--on"]);
+    assert_refused(CAMPAIGN, &["--on", "shell"], &["--on"]);
 
     // A folder alone does not determine how such a campaign continues.
     let file = folder.write("rare.toml", CAMPAIGN);
     let made = folder.path().join("made");
-    let said = orchestrate(&["sweep", text(&file), "--out", text(&made), "--quiet", "--points", "100"]);
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let said = orchestrate(&["sweep", "run", text(&made), "--quiet"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&file), "--out", text(&made), "--quiet", "--points", "100"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let output = run_orchestrator(&["sweep", "run", text(&made), "--quiet"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     assert!(
-        said.err.contains("sweep ") && said.err.contains("rare.toml --out"),
-        "{said:?}"
+        output.err.contains("sweep ") && output.err.contains("rare.toml --out"),
+        "{output:?}"
     );
 }
 
 #[test]
-fn what_is_measured_without_a_limit_lacks_that_alone() {
+fn criterion_without_a_limit_is_refused_for_that_alone() {
     let folder = Folder::new("rare-no-limit");
     springs(
         &folder,
@@ -273,10 +273,10 @@ fn what_is_measured_without_a_limit_lacks_that_alone() {
     );
     let file = folder.write("wrong.toml", &format!("{CAMPAIGN}\n[subset]\ncriterion = \"e\"\n"));
     let out = folder.path().join("out");
-    let said = orchestrate(&["sweep", text(&file), "--out", text(&out), "--quiet"]);
-    assert_eq!(said.code, Some(2), "{said:?}");
+    let output = run_orchestrator(&["sweep", text(&file), "--out", text(&out), "--quiet"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
     for part in ["wrong.toml:20: subset.criterion: ", "[measures.e] `at-most`", "`swing`"] {
-        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
     }
     assert!(!out.exists(), "nothing is run");
 }

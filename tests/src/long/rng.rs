@@ -3,14 +3,14 @@
 use lockstep::random::Stream;
 
 /// Random samples determined only by a seed and a name.
-pub(super) struct Dice {
+pub(super) struct Rng {
     stream: Stream,
     index: u64,
 }
 
-impl Dice {
-    pub(super) fn new(seed: u64, name: &str) -> Dice {
-        Dice {
+impl Rng {
+    pub(super) fn new(seed: u64, name: &str) -> Rng {
+        Rng {
             stream: Stream::new(seed, name),
             index: 0,
         }
@@ -31,7 +31,7 @@ impl Dice {
         self.below(count) == 0
     }
 
-    pub(super) fn pick<T: Copy>(&mut self, of: &[T]) -> T {
+    pub(super) fn choose<T: Copy>(&mut self, of: &[T]) -> T {
         of[self.below(of.len() as u64) as usize]
     }
 }

@@ -2,12 +2,12 @@
 
 use std::process::ExitCode;
 
-use escapement_tests::parts::Damper;
+use escapement_tests::participants::Damper;
 use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
 
-struct Forgetful(Damper);
+struct NotSaveable(Damper);
 
-impl Participant for Forgetful {
+impl Participant for NotSaveable {
     fn interface(&self) -> Interface {
         self.0.interface()
     }
@@ -20,9 +20,9 @@ impl Participant for Forgetful {
 }
 
 fn make(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
-    Ok(Box::new(Forgetful(Damper::default())))
+    Ok(Box::new(NotSaveable(Damper::default())))
 }
 
 fn main() -> ExitCode {
-    lockstep::host::run(make, "forgetful")
+    lockstep::host::run(make, "not_saveable")
 }
