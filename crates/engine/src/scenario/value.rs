@@ -12,9 +12,14 @@ pub fn value(text: &str) -> Value {
     one.unwrap_or_else(|| Value::String(text.to_owned()))
 }
 
-/// As [`value`]. A list or a table in brackets that is not TOML, such as one with a number that does not fit, is refused: as a text it
-/// would be refused later for another reason, or accepted as what was not meant. Brackets with a unit behind them are a text.
+/// As [`value`]. A number that does not fit, and a list or a table in brackets that is not TOML, are refused: as a text they would be
+/// refused later for another reason, or accepted as what was not meant. Brackets with a unit behind them are a text.
 pub(super) fn checked_value(text: &str) -> Result<Value, String> {
+    if is_beyond_doubles(text) {
+        return Err(format!(
+            "`{text}` is beyond the range of a double, ±1.8e308; a text of digits is written in quotes"
+        ));
+    }
     let bracketed = [('{', '}'), ('[', ']')];
     let is_structure = bracketed
         .iter()
@@ -26,6 +31,24 @@ pub(super) fn checked_value(text: &str) -> Result<Value, String> {
         )),
         _ => Ok(value(text)),
     }
+}
+
+/// Whether `text` is a number in digits that no finite double represents; `inf` and `nan` are words of TOML.
+fn is_beyond_doubles(text: &str) -> bool {
+    let begins_as_number = text.trim_start_matches(['+', '-']).starts_with(|c: char| c.is_ascii_digit());
+    begins_as_number && text.parse::<f64>().is_ok_and(f64::is_infinite)
+}
+
+/// What serde says of a value, with the words of TOML for its types.
+pub(super) fn in_words_of_toml(reason: &str) -> String {
+    let words = [
+        ("invalid type: map", "invalid type: table"),
+        ("invalid type: sequence", "invalid type: list"),
+        ("expected a map", "expected a table"),
+        ("expected a sequence", "expected a list"),
+    ];
+    let replaced = |text: String, (word, by): (&str, &str)| text.replace(word, by);
+    words.into_iter().fold(reason.to_owned(), replaced)
 }
 
 /// On a command line 0.0 is written as 0: a value that was a decimal number, or a list of them, `before` stays one.
@@ -51,6 +74,27 @@ pub(super) fn keep_decimal(value: &mut Value, before: &Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn number_beyond_a_double_is_refused_and_a_text_is_not() {
+        for text in ["1e400", "-1e309", "+2.5e999"] {
+            let reason = checked_value(text).expect_err(text);
+            assert!(reason.contains(text) && reason.contains("range"), "{reason}");
+        }
+        for text in ["1e400 m", "inf", "'1e400'", "e400", "1e308"] {
+            assert!(checked_value(text).is_ok(), "{text}");
+        }
+    }
+
+    #[test]
+    fn types_have_the_words_of_toml() {
+        for (serde, toml) in [
+            ("invalid type: integer `3`, expected a map", "invalid type: integer `3`, expected a table"),
+            ("invalid type: sequence, expected a map", "invalid type: list, expected a table"),
+        ] {
+            assert_eq!(in_words_of_toml(serde), toml);
+        }
+    }
 
     #[test]
     fn checked_value_rejects_brackets_that_are_not_toml() {
