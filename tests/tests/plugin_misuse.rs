@@ -162,7 +162,24 @@ fn signal_during_a_step_is_reported_and_the_second_ends_the_run() {
     let folder = Folder::new("hangs");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&misuse("hangs"))));
     let out = folder.path().join("run");
-    let mut child = start_orchestrator(&["run", text(&file), "--quiet", "--in-process", "--out", text(&out)]);
+    ends_at_second_signal(&["run", text(&file), "--quiet", "--in-process", "--out", text(&out)], &out);
+}
+
+#[test]
+fn signal_during_a_replayed_step_is_reported_and_ends_it() {
+    let folder = Folder::new("hangs-in-replay");
+    let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&misuse("nothing"))));
+    let output = run(&folder, &file, &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let hangs = format!("participants.counter.run={{ library = {:?} }}", text(&misuse("hangs")));
+    let (recorded, out) = (folder.path().join("run"), folder.path().join("replay"));
+    let replay = ["replay", text(&recorded), "--participant", "counter", "--set", &hangs];
+    ends_at_second_signal(&[&replay[..], &["--quiet", "--out", text(&out)]].concat(), &out);
+}
+
+/// Starts a command whose participant `counter` hangs in a step in this process, and sends two signals.
+fn ends_at_second_signal(command: &[&str], out: &Path) {
+    let mut child = start_orchestrator(command);
     wait_for_bytes(&mut child, &out.join("log/counter.stderr"), 5);
     assert!(send_signal(child.id(), rustix::process::Signal::TERM));
     // The words come after one second.

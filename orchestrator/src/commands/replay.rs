@@ -100,7 +100,7 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
             .iter()
             .for_each(|words| eprintln!("warning: {words}"));
     }
-    replay.run(&Options {
+    let options = Options {
         in_process,
         out: args.common.out.clone(),
         force: args.common.force,
@@ -115,7 +115,9 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         },
         start_within: args.common.start_within(),
         ..Options::default()
-    })
+    };
+    let _watch = options.in_process.then(|| signals::Watch::over(&options.progress));
+    replay.run(&options)
 }
 
 fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
