@@ -185,12 +185,10 @@ fn fmu_that_cannot_be_saved_is_refused_with_fmu_remedy() {
             let arguments = [&["--checkpoint-at", "0.7 s"], more].concat();
             let output = run(&folder, &file, "run.ports.inputs = []", &arguments);
             assert_eq!(output.code, Some(1), "{output:?}");
-            for part in ["`it`: cannot save its state", "its log says why", "canSerializeFMU"] {
+            for part in ["`it`: cannot save its state", "its `save` failed: fmi", "canSerializeFMU"] {
                 assert!(output.err.contains(part), "`{part}`: {output:?}");
             }
             assert!(!output.err.contains("implement"), "{output:?}");
-            let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
-            assert!(log.contains("the state of the FMU cannot be saved"), "{log}");
         }
     }
 }

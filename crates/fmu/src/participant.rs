@@ -1,8 +1,9 @@
 //! Participants that are FMUs.
 
+use std::cell::RefCell;
 use std::path::Path;
 
-use lockstep::participant::{Failure, Inputs, Interface, Log, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
 use lockstep::wire;
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +17,11 @@ use crate::settings::Settings;
 
 /// Tolerance of the ratio of a period to the FMU's fixed step from a whole number.
 const STEP_TOLERANCE: f64 = 1e-6;
+
+/// Which FMUs can be saved: the end of the reason why one was not.
+const SAVE_REMEDY: &str = "An FMU that can serialise its state is saved by its own functions (canGetAndSetFMUState and \
+     canSerializeFMUState in FMI 3.0, canGetAndSetFMUstate and canSerializeFMUstate in 2.0), any other by the history of its inputs: \
+     use an FMU of which one of them holds, or run without";
 
 /// The saved state of an FMU.
 #[derive(Serialize, Deserialize)]
@@ -47,10 +53,8 @@ struct Fmu {
     running: Option<Running>,
     /// The input history, where the FMU cannot save its state.
     history: Option<History>,
-    /// The participant's log, after the initialisation: why the state cannot be saved.
-    log: Option<Log>,
-    /// The instant up to which it has been stepped, s.
-    reached: f64,
+    /// Why the last `save` failed, with the remedy.
+    save_failure: RefCell<Option<String>>,
 }
 
 /// Checks that `file` is an FMU that can run here, and that the other keys of `run` fit it. Returns the other names of its fields.
@@ -123,8 +127,7 @@ impl Fmu {
             own_process,
             running: None,
             history: None,
-            log: None,
-            reached: setup.offset,
+            save_failure: RefCell::default(),
         })
     }
 
@@ -239,8 +242,6 @@ impl Participant for Fmu {
     }
 
     fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
-        self.log = Some(outputs.log_of().clone());
-        self.reached = t;
         self.start(t)?;
         self.forward_log(outputs);
         if !self.feedthrough
@@ -255,7 +256,6 @@ impl Participant for Fmu {
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         let done = self.advance(step.t, inputs, outputs);
         self.forward_log(outputs);
-        self.reached = step.t_next;
         done
     }
 
@@ -265,13 +265,16 @@ impl Participant for Fmu {
             let token = self.model.description.token.clone();
             wire::encode("the state of an FMU", &Saved { token, state }).map_err(|error| error.to_string())
         });
-        // The caller of `save` gets no more than `None`: the reason goes into the log.
-        let log_reason = |reason: String| {
-            let log = self.log.clone().unwrap_or_else(|| Log::new(&self.name, None));
-            log.at(self.reached)
-                .write(format_args!("the state of the FMU cannot be saved: {reason}"));
+        let (state, failure) = match saved {
+            Ok(state) => (Some(state), None),
+            Err(reason) => (None, Some(format!("{reason}. {SAVE_REMEDY}"))),
         };
-        saved.map_err(log_reason).ok()
+        self.save_failure.replace(failure);
+        state
+    }
+
+    fn save_failure(&self) -> Option<String> {
+        self.save_failure.borrow().clone()
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
@@ -296,10 +299,6 @@ impl Participant for Fmu {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::{Arc, Mutex};
-
-    use lockstep::participant::{Line, Sink};
-
     use super::*;
     use crate::zip::Archive;
 
@@ -391,29 +390,20 @@ mod tests {
         assert!(Archive::read(fine).is_ok());
     }
 
-    #[derive(Default)]
-    struct Lines(Mutex<Vec<String>>);
-
-    impl Sink for Lines {
-        fn say(&self, line: &Line<'_>) {
-            self.0.lock().expect("no thread panicked").push(line.to_string());
-        }
-    }
-
     #[test]
-    fn save_failure_reason_is_logged() {
+    fn failed_save_has_its_reason_and_a_later_one_has_none() {
         let variables = "<Float64 name='y' valueReference='1' causality='output'/>";
         let mut fmu = fmu("unsaved", variables).expect("the variables are in order");
-        let lines = Arc::new(Lines::default());
-        fmu.log = Some(Log::new("it", Some(lines.clone())));
         fmu.history = Some(History::new(0.0));
-        assert!(fmu.save().is_some() && lines.0.lock().expect("no thread panicked").is_empty());
+        assert!(fmu.save().is_some() && fmu.save_failure().is_none());
         fmu.history.iter_mut().for_each(|history| history.full = true);
         assert!(fmu.save().is_none());
-        let text = lines.0.lock().expect("no thread panicked").join("\n");
+        let reason = fmu.save_failure().expect("it failed");
         assert!(
-            text.starts_with("it at t = 0 s: the state of the FMU cannot be saved: it has no functions"),
-            "{text}"
+            reason.starts_with("it has no functions") && reason.ends_with("run without"),
+            "{reason}"
         );
+        fmu.history.iter_mut().for_each(|history| history.full = false);
+        assert!(fmu.save().is_some() && fmu.save_failure().is_none());
     }
 }

@@ -338,7 +338,7 @@ impl Executor for Loop {
             .map_or(Ok(None), |stepper| state::of(stepper.participant()));
         let entry = &run_state.entries[number];
         let state = state.map_err(|reason| odd(entry, save_failed(&reason)))?;
-        state.ok_or_else(|| odd(entry, cannot_save(matches!(entry.program, Program::Fmu { .. }))))
+        state.ok_or_else(|| odd(entry, cannot_save()))
     }
 
     fn continue_at(

@@ -133,11 +133,6 @@ impl Participant {
         }
     }
 
-    /// Whether its program is an FMU.
-    pub(crate) fn is_fmu(&self) -> bool {
-        self.is_fmu
-    }
-
     /// The process number.
     pub fn pid(&self) -> u32 {
         self.child.id()

@@ -200,7 +200,7 @@ pub(crate) fn tell_replaced(handle: &mut ParticipantHandle, monitor: &Monitor) {
 pub(crate) fn save(handle: &mut ParticipantHandle, monitor: &Monitor) -> Result<Vec<u8>, RunFailure> {
     match handle.ask(&Request::Save, monitor)? {
         Reply::State(Some(state)) => Ok(state),
-        Reply::State(None) => Err(handle.odd(cannot_save(handle.process.is_fmu()))),
+        Reply::State(None) => Err(handle.odd(cannot_save())),
         Reply::Refused { reason, .. } => Err(handle.odd(save_failed(&reason))),
         other => Err(handle.odd(format!("answered the request for its state with {other:?}"))),
     }

@@ -22,18 +22,9 @@ const MAGIC: &[u8] = b"escapement checkpoint 1\n";
 const MAGIC_REST: &[u8] = b"escapement checkpoint 2\n";
 const DIGEST: usize = 32;
 
-/// The message for a participant that must save its state and cannot, with the remedy for its kind.
-pub(crate) fn cannot_save(is_fmu: bool) -> String {
-    // An FMU has said in its log why: its own functions have failed, or the history of its inputs is too large.
-    let remedy = match is_fmu {
-        true => {
-            "its log says why. An FMU that can serialise its state is saved by its own functions (canGetAndSetFMUState and \
-             canSerializeFMUState in FMI 3.0, canGetAndSetFMUstate and canSerializeFMUstate in 2.0), any other by the history of its \
-             inputs: use an FMU of which one of them holds, or run without"
-        }
-        false => "implement `save` and `restore`, or run without",
-    };
-    save_failed(remedy)
+/// The message for a participant that must save its state and has no `save`, with the remedy.
+pub(crate) fn cannot_save() -> String {
+    save_failed("implement `save` and `restore`, or run without")
 }
 
 /// The message for a participant that can save its state, and failed to.
