@@ -35,8 +35,10 @@ pub struct ReadSchedule {
     visibility: DeliveryRule,
     /// The least and the largest delay of the link, ticks.
     delays: (Ticks, Ticks),
-    /// Every sample arrives, and all have the same delay: the read follows from one division.
+    /// Every sample arrives, and all have the same delay: the read is the newest sample of an instant.
     has_constant_delay: bool,
+    /// That sample of the last activation, and the instant of the next one.
+    reached: Option<(u64, Ticks)>,
     consumer: SampleTime,
     /// Read sample 0 while nothing is visible.
     first_sample: bool,
@@ -56,6 +58,7 @@ impl ReadSchedule {
         let delays = visibility.delay_bounds();
         ReadSchedule {
             has_constant_delay: delays.0 == delays.1 && !visibility.may_drop(),
+            reached: None,
             visibility,
             delays,
             consumer,
@@ -86,14 +89,15 @@ impl ReadSchedule {
 
     fn read_at(&mut self, t: Ticks) -> Read {
         let (least, most) = self.delays;
+        if self.has_constant_delay {
+            let newest = self.newest_until(t.saturating_sub(least));
+            return newest.map_or_else(|| self.initial_read(), |newest| self.read_from(newest, t));
+        }
         let producer = self.visibility.producer();
         // No sample beyond `last` can be visible; every sample up to `settled_end` is, unless it is dropped.
         let Some(last) = producer.index_at_or_before(t.saturating_sub(least)) else {
             return self.initial_read();
         };
-        if self.has_constant_delay {
-            return self.read_from(last, t);
-        }
         let settled_end = producer
             .index_at_or_before(t.saturating_sub(most))
             .map_or(0, |index| index + 1);
@@ -115,6 +119,20 @@ impl ReadSchedule {
                 None => self.initial_read(),
             },
         }
+    }
+
+    /// The newest sample at or before `t`, which is never earlier than in the call before. Unless the producer is much faster, it is the
+    /// same sample or the next one, and needs no division.
+    #[inline]
+    fn newest_until(&mut self, t: Ticks) -> Option<u64> {
+        let producer = self.visibility.producer();
+        let newest = match self.reached {
+            Some((index, next)) if t < next => return Some(index),
+            Some((index, next)) if t.abs_diff(next) < producer.period.unsigned_abs() => index + 1,
+            _ => producer.index_at_or_before(t)?,
+        };
+        self.reached = Some((newest, producer.instant(newest + 1)));
+        Some(newest)
     }
 
     /// What is read at `t` where sample `k` is the newest one.

@@ -30,7 +30,7 @@ use output::{ConsumerState, FaultInjection, OutputState};
 use progress::{DeferredStep, Phase, Requests};
 
 use crate::fault::Injector;
-use crate::participant::{Failure, Inputs, Kind, Log, Outputs, Participant, ValueCheck};
+use crate::participant::{Failure, Inputs, Kind, Log, Outputs, Participant, Step, ValueCheck};
 use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
 use crate::transport::{Header, Recording};
@@ -50,10 +50,8 @@ pub struct Stepper {
     input_buffers: Inputs,
     output_buffers: Outputs,
     horizon: Ticks,
-    /// The period, s.
-    period_s: f64,
-    /// An activation and its instant, s: the end of one is the beginning of the next.
-    known_instant_s: (u64, f64),
+    /// The activation that has begun last: the end of one is the beginning of the next.
+    step: Step,
     /// The next activation.
     next: u64,
     /// The sample that the output buffers hold.
@@ -144,8 +142,12 @@ impl Stepper {
             input_buffers: Inputs::zeroed(interface),
             output_buffers,
             horizon: Ticks::MIN,
-            period_s: assignment.timebase.seconds(sample_time.period),
-            known_instant_s: (next, assignment.timebase.seconds(sample_time.instant(next))),
+            step: Step {
+                index: next.wrapping_sub(1),
+                t: f64::NAN,
+                t_next: assignment.timebase.seconds(sample_time.instant(next)),
+                period: assignment.timebase.seconds(sample_time.period),
+            },
             next,
             sample: 0,
             initialised: false,
@@ -241,6 +243,7 @@ impl Stepper {
                     for seen in &self.seen {
                         seen.remove_faults(self.input_buffers.payloads[seen.port].bytes_mut());
                     }
+                    self.begin_activation();
                     self.phase = Phase::Gather { input: 0 };
                 }
                 Phase::Gather { input } => {

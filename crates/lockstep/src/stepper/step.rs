@@ -8,7 +8,8 @@ use crate::plan::Assignment;
 impl Stepper {
     /// Does the step whose inputs are complete: executed here, left to the caller, or provided from outside.
     pub(super) fn do_step(&mut self) -> Result<(), StepError> {
-        let step = self.begin_step();
+        let step = self.step;
+        self.output_buffers.log.set_time(step.t);
         if !std::mem::take(&mut self.requests.outputs_provided) {
             if self.deferred.wanted {
                 self.deferred.step = Some(step);
@@ -29,8 +30,12 @@ impl Stepper {
         Ok(())
     }
 
-    /// Begins the activation that is about to be stepped, and shows the participant which of its outputs are seen.
-    fn begin_step(&mut self) -> Step {
+    /// Begins the next activation: determines its instants and which of its outputs are seen. All of this follows from the plan, so it is
+    /// done before the inputs arrive, and the time between their arrival and the step is short.
+    pub(super) fn begin_activation(&mut self) {
+        if self.step.index == self.next {
+            return; // the participant has paused since
+        }
         let Assignment {
             timebase,
             sample_time,
@@ -38,20 +43,17 @@ impl Stepper {
             ..
         } = &self.assignment;
         let seconds = |k| timebase.seconds(sample_time.instant(k));
-        let (known, t) = self.known_instant_s;
-        let step = Step {
+        let is_following = self.step.index.wrapping_add(1) == self.next;
+        self.step = Step {
             index: self.next,
-            t: if known == self.next { t } else { seconds(self.next) },
+            t: if is_following { self.step.t_next } else { seconds(self.next) },
             t_next: seconds(self.next + 1),
-            period: self.period_s,
+            period: self.step.period,
         };
-        self.known_instant_s = (self.next + 1, step.t_next);
         self.sample = match interface.kind {
             Kind::Sampled => self.next,
             Kind::Continuous => self.next + 1,
         };
         self.update_seen_outputs();
-        self.output_buffers.log.set_time(step.t);
-        step
     }
 }
