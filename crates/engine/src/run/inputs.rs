@@ -1,4 +1,4 @@
-//! Values of unconnected inputs: set from code while a run rests, held until they are set again.
+//! Values of unconnected inputs: set from code while a run is paused, held until they are set again.
 
 use std::collections::BTreeMap;
 

@@ -139,7 +139,7 @@ pub enum Ending {
 
 impl Ending {
     /// The orchestrator itself failed.
-    pub(super) fn own(reason: String) -> Ending {
+    pub(super) fn orchestrator_failed(reason: String) -> Ending {
         let participant = ORCHESTRATOR.into();
         Ending::Failed { participant, reason }
     }
@@ -196,7 +196,7 @@ impl Outcome {
     pub(super) fn sealed(ending: Ending, digest: Result<Option<Digest>, AppendError>) -> (Ending, Option<Digest>) {
         match (digest, ending) {
             (Ok(digest), ending) => (ending, digest),
-            (Err(error), Ending::Complete) => (Ending::own(error.to_string()), None),
+            (Err(error), Ending::Complete) => (Ending::orchestrator_failed(error.to_string()), None),
             (Err(_), ending) => (ending, None),
         }
     }

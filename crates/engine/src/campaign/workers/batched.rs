@@ -8,7 +8,7 @@ use lockstep::participant::{Pending, Stride};
 
 use super::point::{Begun, Order, Result as PointResult, caught};
 use crate::Catalogue;
-use crate::run::Abreast;
+use crate::run::BatchedRun;
 
 /// Points under way in this process.
 pub struct Points {
@@ -20,7 +20,7 @@ pub struct Points {
 struct Point {
     ticket: u64,
     order: Order,
-    run: Box<Abreast>,
+    run: Box<BatchedRun>,
 }
 
 /// A point that is over: its ticket and its result.

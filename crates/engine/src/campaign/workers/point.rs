@@ -10,7 +10,7 @@ use tape::folder::RunFolder;
 
 use crate::Catalogue;
 use crate::campaign::figures::Figures;
-use crate::run::{self, Abreast, Ending, RunFailure};
+use crate::run::{self, BatchedRun, Ending, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioSpec};
 
 /// The outcome of a point.
@@ -148,7 +148,7 @@ pub enum Begun {
     /// The point is already over.
     Over(Result),
     /// The point runs beside others.
-    Abreast(Box<Abreast>),
+    Abreast(Box<BatchedRun>),
 }
 
 impl Order {
@@ -181,7 +181,7 @@ impl Order {
             };
             match alone {
                 true => concluded(scenario, options),
-                false => match Abreast::begin(scenario, options) {
+                false => match BatchedRun::begin(scenario, options) {
                     Ok(run) => return Begun::Abreast(Box::new(run)),
                     Err(failure) => Err(failure),
                 },
@@ -202,7 +202,7 @@ impl Order {
     }
 
     /// The result of a run that has reached its end.
-    pub fn concluded(&self, run: Box<Abreast>) -> Result {
+    pub fn concluded(&self, run: Box<BatchedRun>) -> Result {
         caught(|| self.wanted(Result::of_run(&run.conclude()))).unwrap_or_else(|panic| panic)
     }
 

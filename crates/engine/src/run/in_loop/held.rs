@@ -1,11 +1,11 @@
-//! A rest within an instant: a participant is held before its step, its inputs can be read, and its outputs can be given in its
-//! place.
+//! A pause within an instant: a participant is held before its step, its inputs can be read, and its outputs can be set instead of
+//! the step.
 
 use lockstep::participant::{Interface, Payload};
 use lockstep::port::{Descriptor, Message};
 use tape::{Event, EventKind};
 
-use crate::run::handle::{Over, Run};
+use crate::run::handle::{Run, RunEnd};
 use crate::run::outcome::{Ending, RunFailure};
 use crate::run::recording::newest::Sample;
 
@@ -18,9 +18,9 @@ impl Run {
     /// # Errors
     /// When there is no such participant, or the run is in processes; [`RunFailure::Over`].
     pub fn run_before(&mut self, participant: &str) -> Result<bool, RunFailure> {
-        let number = self.number_of(participant)?;
+        let number = self.participant_number(participant)?;
         if self.over.is_some() {
-            return Err(self.ended());
+            return Err(self.over_failure());
         }
         let Some(next) = self.executor.hold(number) else {
             return Err(RunFailure::Participant {
@@ -34,8 +34,8 @@ impl Run {
         self.advance(Some(next.saturating_add(1)));
         match &self.over {
             None => Ok(true),
-            Some(Over { ending, .. }) if *ending == Ending::Complete => Ok(false),
-            Some(_) => Err(self.ended()),
+            Some(RunEnd { ending, .. }) if *ending == Ending::Complete => Ok(false),
+            Some(_) => Err(self.over_failure()),
         }
     }
 
@@ -44,7 +44,7 @@ impl Run {
     /// # Errors
     /// When there is no such participant.
     pub fn interface(&self, participant: &str) -> Result<&Interface, RunFailure> {
-        let number = self.number_of(participant)?;
+        let number = self.participant_number(participant)?;
         Ok(&self.run_state.plan.participants[number].interface)
     }
 
@@ -54,10 +54,10 @@ impl Run {
     /// # Errors
     /// When the participant is not held, or has no such input.
     pub fn shown(&self, port: &str) -> Result<Sample, RunFailure> {
-        let (name, input) = self.port_of_held(port)?;
+        let (name, input) = self.split_held_port(port)?;
         let own = self.executor.held().ok_or_else(|| not_held(port, name))?;
         let inputs = &own.assignment().interface.inputs;
-        let number = find(port, "input", input, inputs.iter().map(|one| &one.name))?;
+        let number = port_number(port, "input", input, inputs.iter().map(|one| &one.name))?;
         let descriptor = inputs[number].descriptor.clone();
         let mut payload = Payload::zeroed(descriptor.size as usize);
         payload.bytes_mut().copy_from_slice(own.shown(number));
@@ -88,10 +88,10 @@ impl Run {
     }
 
     fn answer_as(&mut self, port: &str, payload: &[u8], message: Option<&Descriptor>) -> Result<(), RunFailure> {
-        let (name, output) = self.port_of_held(port)?;
+        let (name, output) = self.split_held_port(port)?;
         let own = self.executor.held().ok_or_else(|| not_held(port, name))?;
         let outputs = &own.assignment().interface.outputs;
-        let number = find(port, "output", output, outputs.iter().map(|one| &one.name))?;
+        let number = port_number(port, "output", output, outputs.iter().map(|one| &one.name))?;
         let descriptor = &outputs[number].descriptor;
         let refuse = |reason: String| {
             let port = port.to_owned();
@@ -112,7 +112,7 @@ impl Run {
         if let Some(invalid) = descriptor.invalid(payload).next() {
             return refuse(format!("cannot be given {}", invalid.words("a value")));
         }
-        self.give(number, payload)
+        self.set_output(number, payload)
     }
 
     /// What input number `input` shows to the participant that is held, without a lookup by name; `None` if no participant is held.
@@ -132,10 +132,10 @@ impl Run {
         if port.is_none_or(|port| port.descriptor.size as usize != payload.len()) {
             return Ok(false);
         }
-        self.give(output, payload).map(|()| true)
+        self.set_output(output, payload).map(|()| true)
     }
 
-    fn give(&mut self, output: usize, payload: &[u8]) -> Result<(), RunFailure> {
+    fn set_output(&mut self, output: usize, payload: &[u8]) -> Result<(), RunFailure> {
         if !self.answered {
             // Recorded once: from here on the tape does not follow from the scenario alone.
             let participant = self.executor.held().map(|own| own.assignment().name.clone());
@@ -152,8 +152,8 @@ impl Run {
         Ok(())
     }
 
-    /// Refuses operations that need a rest between two instants.
-    pub(crate) fn refuse_held(&self, what: &str) -> Result<(), RunFailure> {
+    /// Refuses operations that need a pause between two instants.
+    pub(crate) fn reject_if_held(&self, what: &str) -> Result<(), RunFailure> {
         match self.executor.held() {
             Some(own) if self.held => Err(RunFailure::Instant {
                 time: self.now().to_string(),
@@ -166,7 +166,7 @@ impl Run {
         }
     }
 
-    fn number_of(&self, participant: &str) -> Result<usize, RunFailure> {
+    fn participant_number(&self, participant: &str) -> Result<usize, RunFailure> {
         self.run_state.plan.participant(participant).ok_or_else(|| {
             let known: Vec<String> = (self.run_state.plan.participants.iter())
                 .map(|own| format!("`{}`", own.name))
@@ -179,7 +179,7 @@ impl Run {
     }
 
     /// Splits `PARTICIPANT.PORT`; the participant must be the one that is held.
-    fn port_of_held<'a>(&self, port: &'a str) -> Result<(&'a str, &'a str), RunFailure> {
+    fn split_held_port<'a>(&self, port: &'a str) -> Result<(&'a str, &'a str), RunFailure> {
         let (name, own) = port.split_once('.').ok_or_else(|| RunFailure::Port {
             port: port.to_owned(),
             reason: "is not a port: write \"PARTICIPANT.PORT\"".into(),
@@ -199,7 +199,12 @@ fn not_held(port: &str, name: &str) -> RunFailure {
 }
 
 /// The number of the port called `name`.
-fn find<'a>(port: &str, what: &str, name: &str, all: impl Iterator<Item = &'a String>) -> Result<usize, RunFailure> {
+fn port_number<'a>(
+    port: &str,
+    what: &str,
+    name: &str,
+    all: impl Iterator<Item = &'a String>,
+) -> Result<usize, RunFailure> {
     let all: Vec<&String> = all.collect();
     let known = || all.iter().map(|one| format!("`{one}`")).collect::<Vec<_>>().join(", ");
     all.iter().position(|one| *one == name).ok_or_else(|| RunFailure::Port {

@@ -30,10 +30,10 @@ impl Placement {
                     .collect()
             })
             .unwrap_or_default();
-        Placement::among(plan, &cores, options.wait, options.no_placement)
+        Placement::choose_among(plan, &cores, options.wait, options.no_placement)
     }
 
-    fn among(plan: &Plan, cores: &[usize], wait: Wait, no_placement: bool) -> Placement {
+    fn choose_among(plan: &Plan, cores: &[usize], wait: Wait, no_placement: bool) -> Placement {
         let apart = (wait == Wait::Spin).then(|| place_apart(plan, cores)).flatten();
         let denied = (wait == Wait::Spin && apart.is_none()).then(|| {
             let (count, cores) = (plan.participants.len(), cores.len());
@@ -55,7 +55,10 @@ impl Placement {
         }
         Placement {
             cores,
-            waiting: sharing.into_iter().map(|sharing| strategy(wait, sharing)).collect(),
+            waiting: sharing
+                .into_iter()
+                .map(|sharing| waiting_strategy(wait, sharing))
+                .collect(),
             reason,
             denied,
         }
@@ -63,7 +66,7 @@ impl Placement {
 }
 
 /// How a participant waits that is one of `sharing` participants on its core.
-fn strategy(wait: Wait, sharing: usize) -> Waiting {
+fn waiting_strategy(wait: Wait, sharing: usize) -> Waiting {
     match wait {
         Wait::Auto => match sharing {
             0 | 1 => Waiting::SPIN,
@@ -120,14 +123,14 @@ mod tests {
     }
 
     #[test]
-    fn who_spins_has_a_core_of_its_own() {
+    fn spinning_participant_has_a_core_of_its_own() {
         for count in 2..=7 {
             let plan = ring(count);
             for there in 1..=9 {
                 // Core numbers that differ from their positions in the list.
                 let cores: Vec<usize> = (0..there).map(|core| 3 * core + 1).collect();
                 for (name, wait) in Wait::ALL {
-                    let placement = Placement::among(&plan, &cores, wait, false);
+                    let placement = Placement::choose_among(&plan, &cores, wait, false);
                     for (one, waiting) in placement.waiting.iter().enumerate() {
                         let own = placement.cores[one];
                         let company = placement.cores.iter().filter(|core| **core == own).count();
@@ -139,7 +142,7 @@ mod tests {
                     if wait == Wait::Spin && !denied {
                         assert_eq!(placement.waiting, vec![Waiting::SPIN; count], "{count} on {there}");
                     }
-                    let free = Placement::among(&plan, &cores, wait, true);
+                    let free = Placement::choose_among(&plan, &cores, wait, true);
                     assert_eq!((free.cores, free.waiting), (vec![None; count], placement.waiting));
                 }
             }
@@ -147,8 +150,8 @@ mod tests {
     }
 
     #[test]
-    fn cores_that_cannot_be_granted_are_named_with_those_there() {
-        let placement = Placement::among(&ring(3), &[0, 1], Wait::Spin, false);
+    fn placement_reports_cores_that_cannot_be_granted() {
+        let placement = Placement::choose_among(&ring(3), &[0, 1], Wait::Spin, false);
         assert_eq!(
             placement.denied.as_deref(),
             Some(
@@ -157,7 +160,7 @@ mod tests {
         );
         assert_eq!(
             placement.waiting,
-            Placement::among(&ring(3), &[0, 1], Wait::Auto, false).waiting
+            Placement::choose_among(&ring(3), &[0, 1], Wait::Auto, false).waiting
         );
     }
 }

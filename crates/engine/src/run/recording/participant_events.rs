@@ -10,7 +10,7 @@ impl Recorder {
     ///
     /// # Errors
     /// The contradiction, in words that follow the participant's name.
-    pub fn finished(&self, participant: usize) -> Result<(), Broken> {
+    pub fn check_finished(&self, participant: usize) -> Result<(), Broken> {
         let own = &self.plan.participants[participant];
         let says = "reports that it has finished";
         let last = own.activations.checked_sub(1).map(|last| own.sample_time.instant(last));
@@ -20,14 +20,14 @@ impl Recorder {
                 self.plan.timebase.seconds(self.granted)
             )));
         }
-        self.stands_at(participant, own.activations, says)
+        self.check_sample_counts(participant, own.activations, says)
     }
 
     /// Checks the event AtHorizon (granted time and next activation) against the plan and the recorded samples.
     ///
     /// # Errors
-    /// As [`Recorder::finished`].
-    pub fn rests(&self, participant: usize, horizon: Ticks, next: u64) -> Result<(), Broken> {
+    /// As [`Recorder::check_finished`].
+    pub fn check_at_horizon(&self, participant: usize, horizon: Ticks, next: u64) -> Result<(), Broken> {
         let t = self.plan.timebase.seconds(horizon);
         let says = format!("reports that it rests at t = {t} s");
         if horizon > self.granted {
@@ -38,35 +38,38 @@ impl Recorder {
         }
         let own = &self.plan.participants[participant];
         let before = own.sample_time.count_before(horizon.min(self.plan.end));
-        let right = before.max(self.base[participant]);
+        let right = before.max(self.base_activations[participant]);
         if next != right {
             return Err(Broken(format!(
                 "{says} before its activation {next}; by the plan it rests there before activation {right}"
             )));
         }
-        self.stands_at(participant, next, &says)
+        self.check_sample_counts(participant, next, &says)
     }
 
     /// Checks the event Paused (next activation) against the recorded samples.
     ///
     /// # Errors
-    /// As [`Recorder::finished`].
-    pub fn recalled(&self, participant: usize, next: u64) -> Result<(), Broken> {
-        let (least, most) = (self.base[participant], self.plan.participants[participant].activations);
+    /// As [`Recorder::check_finished`].
+    pub fn check_paused(&self, participant: usize, next: u64) -> Result<(), Broken> {
+        let (least, most) = (
+            self.base_activations[participant],
+            self.plan.participants[participant].activations,
+        );
         let says = format!("reports that it rests before its activation {next}");
         if !(least..=most).contains(&next) {
             return Err(Broken(format!(
                 "{says}, of those from {least} to {most} that it may have reached"
             )));
         }
-        self.stands_at(participant, next, &says)
+        self.check_sample_counts(participant, next, &says)
     }
 
     /// Checks that the participant has recorded exactly the samples of the activations before `next`.
-    fn stands_at(&self, participant: usize, next: u64, says: &str) -> Result<(), Broken> {
+    fn check_sample_counts(&self, participant: usize, next: u64, says: &str) -> Result<(), Broken> {
         let owned = self.owners.iter().enumerate();
         for (stream, _) in owned.filter(|(_, owner)| **owner == participant) {
-            let (due, right) = (self.reached[stream], samples(&self.plan, stream, participant, next));
+            let (due, right) = (self.published[stream], samples(&self.plan, stream, participant, next));
             if due != right {
                 let name = self.name(stream);
                 return Err(Broken(format!(
