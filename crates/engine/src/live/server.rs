@@ -206,12 +206,12 @@ fn authorize<'a>(request: &'a Request, shared: &Shared) -> Result<&'a str, (u16,
     let ours = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
     if !request
         .header("host")
-        .is_some_and(|host| ours.iter().any(|own| own == host))
+        .is_some_and(|host| ours.iter().any(|known| known == host))
     {
         return Err((403, "this server answers to 127.0.0.1 alone"));
     }
     let origin = request.header("origin");
-    let from_us = origin.is_some_and(|origin| ours.iter().any(|own| origin.strip_prefix("http://") == Some(own)));
+    let from_us = origin.is_some_and(|origin| ours.iter().any(|host| origin.strip_prefix("http://") == Some(host)));
     if (request.has("origin") || request.method != "GET") && !from_us {
         return Err((403, "this request comes from another page"));
     }
@@ -320,9 +320,9 @@ impl Shared {
 
     fn page(&self) -> Response {
         let about = |course: &Course| {
-            let own = course.plan.participants.iter();
-            let participants: Vec<Value> = own
-                .map(|own| json!({ "name": own.name, "period_s": own.period.seconds() }))
+            let participants = course.plan.participants.iter();
+            let participants: Vec<Value> = participants
+                .map(|participant| json!({ "name": participant.name, "period_s": participant.period.seconds() }))
                 .collect();
             json!({
                 "participants": participants,

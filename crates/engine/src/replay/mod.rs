@@ -156,13 +156,13 @@ impl Replay {
         let outcome = run.finish();
         let replayed = Reader::open(&out)?;
         let mut notes = self.notes;
-        let own = |reader: &Reader| -> Vec<(usize, u64)> {
+        let subject_streams = |reader: &Reader| -> Vec<(usize, u64)> {
             let all = reader.streams().iter().enumerate();
-            let own = all.filter(|(_, spec)| spec.participant == self.participant);
-            own.map(|(stream, _)| (stream, reader.count(stream))).collect()
+            let streams = all.filter(|(_, spec)| spec.participant == self.participant);
+            streams.map(|(stream, _)| (stream, reader.count(stream))).collect()
         };
         // Both are compared as far as both have samples; a note reports where one of them has more.
-        let (mut recording, mut replay) = (own(&self.reader), own(&replayed));
+        let (mut recording, mut replay) = (subject_streams(&self.reader), subject_streams(&replayed));
         let to_s = match outcome.ending {
             Ending::Complete => duration_s,
             _ => newest_s(&replayed, &replay),
@@ -271,8 +271,8 @@ fn check_sample_times(
     for spec in reader.streams() {
         let entry = |name: &str| scenario.participants.iter().find(|entry| entry.setup.name == name);
         // Participants that the replay has named itself are not on the tape.
-        let own = [&stand_ins.own_player, &stand_ins.listener].contains(&&spec.participant);
-        let Some(entry) = entry(&spec.participant).filter(|_| !own) else {
+        let is_stand_in = [&stand_ins.own_player, &stand_ins.listener].contains(&&spec.participant);
+        let Some(entry) = entry(&spec.participant).filter(|_| !is_stand_in) else {
             continue;
         };
         if spec.first_index > 0 {
@@ -337,7 +337,7 @@ fn find_end(
     stand_ins: &StandIns,
 ) -> Result<ReplayEnd, ReplayError> {
     let plan = scenario.sketch(interfaces)?;
-    let own = &plan.participants[subject];
+    let planned = &plan.participants[subject];
     let overflow = || {
         ReplayError::Misfit(format!(
             "{}: a time that needs more than 63 bits",
@@ -353,40 +353,40 @@ fn find_end(
         end: scenario.duration,
         note: None,
     };
-    for link in own.inputs.iter().flatten() {
+    for link in planned.inputs.iter().flatten() {
         let from = plan.links[*link].from;
         let producer = &plan.participants[from.0];
         let itself = producer.name == stand_ins.own_player;
-        let played = if itself { &own.name } else { &producer.name };
+        let played = if itself { &planned.name } else { &producer.name };
         let name = format!("{played}.{}", producer.interface.outputs[from.1].name);
         let count = reader.count(reader.stream(&name)?);
         let mut schedule = plan.schedule(*link);
-        let missing = (0..own.activations).find_map(|k| {
+        let missing = (0..planned.activations).find_map(|k| {
             let index = schedule.advance().samples().find(|&index| index >= count)?;
             Some((k, index))
         });
         let Some((k, index)) = missing else { continue };
-        let at = instant(own.period, own.offset, k)?;
+        let at = instant(planned.period, planned.offset, k)?;
         if k == 0 {
             return Err(ReplayError::Misfit(format!(
                 "{}: the tape has {count} samples of `{name}`, and the first activation of `{}` reads sample {index}: \
                  nothing can be replayed",
                 reader.dir().display(),
-                own.name
+                planned.name
             )));
         }
         if at < limit.end {
             limit.end = at;
             limit.note = Some(format!(
                 "the tape has {count} samples of {name}: what `{}` reads at t = {at} is not on it, so the replay ends there",
-                own.name
+                planned.name
             ));
         }
     }
     // For a run that ended early and whose inputs do not end the replay, the replay ends a little after the end of the tape, so
     // that an activation whose samples never reached the tape is repeated too.
     let mut newest = Rational::ZERO;
-    let mut margin = own.period;
+    let mut margin = planned.period;
     for (stream, spec) in reader.streams().iter().enumerate() {
         let last = reader.count(stream).saturating_sub(1);
         newest = newest.max(instant(spec.period, spec.offset, last)?);
@@ -394,7 +394,7 @@ fn find_end(
     }
     let end = newest
         .checked_add(margin)
-        .and_then(|end| end.checked_add(own.period))
+        .and_then(|end| end.checked_add(planned.period))
         .ok_or_else(overflow)?;
     if end < limit.end {
         limit.end = end;

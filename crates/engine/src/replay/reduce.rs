@@ -58,7 +58,7 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
         set.map_err(|error| error.to_string())?;
     }
     let participants = std::mem::take(&mut spec.participants);
-    let Some(own) = participants.get(subject) else {
+    let Some(subject_spec) = participants.get(subject) else {
         let known: Vec<String> = participants.keys().map(|name| format!("`{name}`")).collect();
         let run = request.folder.display();
         return Err(format!(
@@ -69,12 +69,12 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
     let inputs_of = format!("{subject}.");
     spec.inputs.retain(|port| port.starts_with(&inputs_of));
     let stand_ins = StandIns::with_unused_names(subject, &participants);
-    let mut own = own.clone();
+    let mut subject_spec = subject_spec.clone();
     if let Some((exe, args)) = request.program {
-        substitute(spec, &mut own, exe, args)?;
+        substitute(spec, &mut subject_spec, exe, args)?;
     }
     let mut kept = Entries::default();
-    kept.insert(subject.to_owned(), own);
+    kept.insert(subject.to_owned(), subject_spec);
     let (mut connections, played) = input_connections(spec, &stand_ins)?;
     for (producer, (ports, _)) in &played {
         ports
@@ -131,7 +131,12 @@ fn check_all_recorded(spec: &ScenarioSpec, participant: &str, port: &str, does: 
 }
 
 /// Replaces the participant's program by one that was given on the command line.
-fn substitute(spec: &mut ScenarioSpec, own: &mut ParticipantSpec, exe: &Path, args: &[String]) -> Result<(), String> {
+fn substitute(
+    spec: &mut ScenarioSpec,
+    subject_spec: &mut ParticipantSpec,
+    exe: &Path,
+    args: &[String],
+) -> Result<(), String> {
     let text = |path: &Path| {
         let text = path.to_str().map(str::to_owned);
         text.ok_or_else(|| format!("`{}` is not UTF-8: name a program that is", path.display()))
@@ -139,7 +144,7 @@ fn substitute(spec: &mut ScenarioSpec, own: &mut ParticipantSpec, exe: &Path, ar
     // A path on the command line is relative to the current directory.
     let here = std::env::current_dir().map_err(|error| format!("there is no current folder: {error}"))?;
     spec.folder = Some(text(&here)?);
-    own.run = RunSpec {
+    subject_spec.run = RunSpec {
         args: args.to_vec(),
         ..RunSpec::of_file(&text(exe)?)
     };

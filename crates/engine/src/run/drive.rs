@@ -38,7 +38,11 @@ impl Checkpoint {
 
     /// The state that participant `name` saved.
     pub fn state(&self, name: &str) -> Option<&[u8]> {
-        let number = self.state.participants.iter().position(|own| own == name)?;
+        let number = self
+            .state
+            .participants
+            .iter()
+            .position(|participant| participant == name)?;
         self.state.states.get(number).map(Vec::as_slice)
     }
 }
@@ -122,9 +126,9 @@ impl Run {
     /// As [`Run::run_to`].
     pub fn step(&mut self) -> Result<(), RunFailure> {
         let (plan, now) = (&self.run_state.plan, self.now);
-        let next = plan.participants.iter().filter_map(|own| {
-            let next = own.sample_time.count_before(now.saturating_add(1));
-            (next < own.activations).then(|| own.sample_time.instant(next))
+        let next = plan.participants.iter().filter_map(|planned| {
+            let next = planned.sample_time.count_before(now.saturating_add(1));
+            (next < planned.activations).then(|| planned.sample_time.instant(next))
         });
         let next = next.min().unwrap_or(plan.end);
         if self.over.is_none() && now >= plan.end {

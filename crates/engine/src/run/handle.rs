@@ -421,9 +421,9 @@ impl Run {
 
 /// Refuses a program that is started as a participant of its own run: it would start that run again, without end.
 fn reject_nested_run(scenario: &Scenario) -> Result<(), RunFailure> {
-    let own = scenario.programs().any(|program| !program.is_external());
+    let starts_itself = scenario.programs().any(|program| !program.is_external());
     match std::env::var(lockstep::host::PARTICIPANT) {
-        Ok(name) if own => Err(RunFailure::Other(format!(
+        Ok(name) if starts_itself => Err(RunFailure::Other(format!(
             "this process was started as the participant `{name}` of a run: let the program's `main` begin with `Program::main`, which \
              becomes the participant, or run in this process"
         ))),

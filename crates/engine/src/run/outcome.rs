@@ -269,7 +269,10 @@ impl Outcome {
     fn timing(&self) -> Value {
         let mut timing = json!(self.timing);
         for (name, sources) in &self.sources {
-            let Some(inputs) = timing.get_mut(name).and_then(|own| own.get_mut("inputs_ns")) else {
+            let Some(inputs) = timing
+                .get_mut(name)
+                .and_then(|participant_timing| participant_timing.get_mut("inputs_ns"))
+            else {
                 continue;
             };
             let spent = inputs.as_array().cloned().unwrap_or_default();

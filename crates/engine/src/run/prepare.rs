@@ -99,7 +99,7 @@ impl Known {
     /// The names of the participants that were not asked for their ports.
     pub fn unknown(&self) -> Vec<&str> {
         let all = self.plan.participants.iter().zip(&self.interfaces);
-        all.filter_map(|(own, interface)| interface.is_none().then_some(own.name.as_str()))
+        all.filter_map(|(planned, interface)| interface.is_none().then_some(planned.name.as_str()))
             .collect()
     }
 }
@@ -221,7 +221,7 @@ pub(super) fn create_folder(scenario: &Scenario, options: &Options) -> Result<Cl
 
 /// The instant from which a run that continues `origin` follows its own plan `own`; `None` means from its beginning. A different
 /// run length does not affect what was before.
-fn changed_at(own: toml::Table, origin: &Origin) -> Option<String> {
+fn changed_at(plan: toml::Table, origin: &Origin) -> Option<String> {
     let parent = RunFolder::open(&origin.run);
     let lasting = |mut table: toml::Table| {
         table.remove("duration");
@@ -229,7 +229,7 @@ fn changed_at(own: toml::Table, origin: &Origin) -> Option<String> {
     };
     let before = String::from_utf8(tape::read_regular(&parent.plan()).ok()?).ok()?;
     let before = before.parse::<toml::Table>().ok()?;
-    if lasting(before) != lasting(own) {
+    if lasting(before) != lasting(plan) {
         return Some(origin.checkpoint.time.to_string());
     }
     parent.changed_at()
@@ -303,7 +303,7 @@ pub(super) fn partial_streams(scenario: &Scenario, plan: &Plan) -> Vec<String> {
 pub(super) fn link_sources(plan: &Plan) -> BTreeMap<String, Vec<String>> {
     let source = |link: usize| plan.output_name(plan.links[link].from);
     let all = plan.participants.iter().enumerate();
-    all.map(|(number, own)| (own.name.clone(), plan.links_into(number).map(source).collect()))
+    all.map(|(number, planned)| (planned.name.clone(), plan.links_into(number).map(source).collect()))
         .collect()
 }
 

@@ -223,7 +223,7 @@ impl LoopExecutor {
             .plan
             .participants
             .iter()
-            .map(|own| own.sample_time.period)
+            .map(|planned| planned.sample_time.period)
             .min();
         let stretch = shortest.unwrap_or(1).saturating_mul(ACTIVATIONS_PER_CHECK);
         let horizon = run_state.clock.horizon(reached).min(reached.saturating_add(stretch));

@@ -55,17 +55,17 @@ impl Run {
     /// When the participant is not held, or has no such input.
     pub fn shown(&self, port: &str) -> Result<Sample, RunFailure> {
         let (name, input) = self.split_held_port(port)?;
-        let own = self.executor.held().ok_or_else(|| not_held(port, name))?;
-        let inputs = &own.assignment().interface.inputs;
+        let stepper = self.executor.held().ok_or_else(|| not_held(port, name))?;
+        let inputs = &stepper.assignment().interface.inputs;
         let number = port_number(port, "input", input, inputs.iter().map(|one| &one.name))?;
         let descriptor = inputs[number].descriptor.clone();
         let mut payload = Payload::zeroed(descriptor.size as usize);
-        payload.bytes_mut().copy_from_slice(own.shown(number));
+        payload.bytes_mut().copy_from_slice(stepper.shown(number));
         Ok(Sample {
             name: port.to_owned(),
             descriptor,
-            index: own.next_activation(),
-            stamp_s: own.next_seconds(),
+            index: stepper.next_activation(),
+            stamp_s: stepper.next_seconds(),
             payload,
         })
     }
@@ -89,8 +89,8 @@ impl Run {
 
     fn answer_as(&mut self, port: &str, payload: &[u8], message: Option<&Descriptor>) -> Result<(), RunFailure> {
         let (name, output) = self.split_held_port(port)?;
-        let own = self.executor.held().ok_or_else(|| not_held(port, name))?;
-        let outputs = &own.assignment().interface.outputs;
+        let stepper = self.executor.held().ok_or_else(|| not_held(port, name))?;
+        let outputs = &stepper.assignment().interface.outputs;
         let number = port_number(port, "output", output, outputs.iter().map(|one| &one.name))?;
         let descriptor = &outputs[number].descriptor;
         let refuse = |reason: String| {
@@ -117,8 +117,8 @@ impl Run {
 
     /// What input number `input` shows to the participant that is held, without a lookup by name; `None` if no participant is held.
     pub fn shown_at(&self, input: usize) -> Option<&[u8]> {
-        let own = self.executor.held()?;
-        (input < own.assignment().interface.inputs.len()).then(|| own.shown(input))
+        let stepper = self.executor.held()?;
+        (input < stepper.assignment().interface.inputs.len()).then(|| stepper.shown(input))
     }
 
     /// Gives output number `output` of the participant that is held, without a lookup by name. A value that is not finite ends the
@@ -127,7 +127,10 @@ impl Run {
     /// # Errors
     /// When the tape cannot be written.
     pub fn answer_at(&mut self, output: usize, payload: &[u8]) -> Result<bool, RunFailure> {
-        let outputs = self.executor.held().map(|own| &own.assignment().interface.outputs);
+        let outputs = self
+            .executor
+            .held()
+            .map(|stepper| &stepper.assignment().interface.outputs);
         let port = outputs.and_then(|outputs| outputs.get(output));
         if port.is_none_or(|port| port.descriptor.size as usize != payload.len()) {
             return Ok(false);
@@ -138,7 +141,7 @@ impl Run {
     fn set_output(&mut self, output: usize, payload: &[u8]) -> Result<(), RunFailure> {
         if !self.answered {
             // Recorded once: from here on the tape does not follow from the scenario alone.
-            let participant = self.executor.held().map(|own| own.assignment().name.clone());
+            let participant = self.executor.held().map(|stepper| stepper.assignment().name.clone());
             let event = Event {
                 time: self.now(),
                 kind: EventKind::Note,
@@ -155,11 +158,11 @@ impl Run {
     /// Refuses operations that need a pause between two instants.
     pub(crate) fn reject_if_held(&self, what: &str) -> Result<(), RunFailure> {
         match self.executor.held() {
-            Some(own) if self.held => Err(RunFailure::Instant {
+            Some(stepper) if self.held => Err(RunFailure::Instant {
                 time: self.now().to_string(),
                 reason: format!(
                     "is not over: `{}` is held before its activation there, and others have done theirs; {what}",
-                    own.assignment().name
+                    stepper.assignment().name
                 ),
             }),
             _ => Ok(()),
@@ -169,7 +172,7 @@ impl Run {
     fn participant_number(&self, participant: &str) -> Result<usize, RunFailure> {
         self.run_state.plan.participant(participant).ok_or_else(|| {
             let known: Vec<String> = (self.run_state.plan.participants.iter())
-                .map(|own| format!("`{}`", own.name))
+                .map(|planned| format!("`{}`", planned.name))
                 .collect();
             RunFailure::Participant {
                 participant: participant.to_owned(),
@@ -180,12 +183,12 @@ impl Run {
 
     /// Splits `PARTICIPANT.PORT`; the participant must be the one that is held.
     fn split_held_port<'a>(&self, port: &'a str) -> Result<(&'a str, &'a str), RunFailure> {
-        let (name, own) = port.split_once('.').ok_or_else(|| RunFailure::Port {
+        let (name, port_name) = port.split_once('.').ok_or_else(|| RunFailure::Port {
             port: port.to_owned(),
             reason: "is not a port: write \"PARTICIPANT.PORT\"".into(),
         })?;
         match self.executor.held() {
-            Some(held) if held.assignment().name == name => Ok((name, own)),
+            Some(held) if held.assignment().name == name => Ok((name, port_name)),
             _ => Err(not_held(port, name)),
         }
     }

@@ -34,7 +34,7 @@ impl ClockController {
     /// The controller for a run of `plan` that begins at `from`; its wall clock starts now.
     pub(crate) fn new(plan: &Plan, options: &Options, schedule: Schedule, from: Ticks) -> ClockController {
         let tick = plan.timebase.tick();
-        let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
+        let shortest = plan.participants.iter().map(|planned| planned.sample_time.period).min();
         let ticks_per_s = tick.denominator() as f64 / tick.numerator() as f64;
         ClockController {
             end: plan.end,

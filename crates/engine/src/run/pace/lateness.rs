@@ -34,7 +34,7 @@ struct ParticipantLateness {
 
 impl LatenessMonitor {
     pub(crate) fn new(participants: usize, requested: f64, overrun: Overrun) -> LatenessMonitor {
-        let own = |_| ParticipantLateness {
+        let empty = |_| ParticipantLateness {
             histogram: Histogram::default(),
             overruns: 0,
             too_long: 0,
@@ -44,7 +44,7 @@ impl LatenessMonitor {
         LatenessMonitor {
             requested,
             overrun,
-            participants: (0..participants).map(own).collect(),
+            participants: (0..participants).map(empty).collect(),
             first: None,
             newest: (0, 0.0, 0.0),
             before: (0.0, 0.0),
@@ -61,21 +61,21 @@ impl LatenessMonitor {
         let Some(pace) = clock.pace() else { return };
         // A suspension is neither work nor lateness.
         let (begin_ns, end_ns) = (pace.active_ns(span.begin_ns), pace.active_ns(span.end_ns));
-        let own = &mut self.participants[number];
-        own.work_ns = (own.work_ns).saturating_add(end_ns.saturating_sub(begin_ns));
+        let entry = &mut self.participants[number];
+        entry.work_ns = (entry.work_ns).saturating_add(end_ns.saturating_sub(begin_ns));
         if !done {
             return;
         }
-        let work_ns = std::mem::take(&mut own.work_ns);
+        let work_ns = std::mem::take(&mut entry.work_ns);
         let at = participant.sample_time.instant(span.activation);
         let (due, next) = (pace.due(at), pace.due(at + participant.sample_time.period));
         let late_ns = end_ns.saturating_sub(due.ns);
-        if late_ns > own.histogram.largest || own.histogram.count == 0 {
-            own.largest_at = at;
+        if late_ns > entry.histogram.largest || entry.histogram.count == 0 {
+            entry.largest_at = at;
         }
-        own.histogram.add(late_ns);
+        entry.histogram.add(late_ns);
         let period_s = participant.period.seconds() / self.requested;
-        own.too_long += u64::from(work_ns as f64 > period_s * 1e9);
+        entry.too_long += u64::from(work_ns as f64 > period_s * 1e9);
         let late_s = late_ns as f64 * 1e-9;
         if due.stretch > self.newest.0 {
             let (_, into_s, late_s) = self.newest;
@@ -87,7 +87,7 @@ impl LatenessMonitor {
             self.newest = (due.stretch, due.into_s, late_s.max(latest));
         }
         if end_ns > next.ns {
-            own.overruns += 1;
+            entry.overruns += 1;
             let t = plan.timebase.seconds(at);
             self.first.get_or_insert_with(|| {
                 format!(
@@ -117,18 +117,18 @@ impl LatenessMonitor {
             .participants
             .iter()
             .zip(&plan.participants)
-            .map(|(own, participant)| {
+            .map(|(entry, participant)| {
                 let seconds = |ns: u64| ns as f64 * 1e-9;
-                let quantile = |part: f64| seconds(own.histogram.quantile(part));
+                let quantile = |part: f64| seconds(entry.histogram.quantile(part));
                 let lateness = Lateness {
-                    steps: own.histogram.count,
-                    overruns: own.overruns,
-                    too_long: own.too_long,
+                    steps: entry.histogram.count,
+                    overruns: entry.overruns,
+                    too_long: entry.too_long,
                     lateness_p50_s: quantile(0.5),
                     lateness_p99_s: quantile(0.99),
                     lateness_p999_s: quantile(0.999),
-                    lateness_largest_s: seconds(own.histogram.largest),
-                    largest_at_s: plan.timebase.seconds(own.largest_at),
+                    lateness_largest_s: seconds(entry.histogram.largest),
+                    largest_at_s: plan.timebase.seconds(entry.largest_at),
                 };
                 (participant.name.clone(), lateness)
             });
@@ -246,9 +246,12 @@ mod tests {
             }
             assert_eq!(monitor.stop_reason(), None);
             let punctuality = monitor.punctuality(&plan);
-            let own = &punctuality.participants["a"];
-            assert_eq!((own.overruns, own.too_long, own.steps), (0, 0, 52));
-            assert!(own.lateness_largest_s <= 5e-3 && punctuality.kept, "{punctuality:?}");
+            let lateness = &punctuality.participants["a"];
+            assert_eq!((lateness.overruns, lateness.too_long, lateness.steps), (0, 0, 52));
+            assert!(
+                lateness.lateness_largest_s <= 5e-3 && punctuality.kept,
+                "{punctuality:?}"
+            );
         }
     }
 

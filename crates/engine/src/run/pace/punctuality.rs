@@ -66,14 +66,14 @@ impl Punctuality {
                 .collect();
             (!words.is_empty()).then(|| words.join(", "))
         };
-        let own = self.participants.iter();
+        let participants = self.participants.iter();
         let slow = late(
-            &mut own.clone().map(|(name, one)| (name, one.too_long, one.steps)),
+            &mut participants.clone().map(|(name, one)| (name, one.too_long, one.steps)),
             "worked for longer than their period",
         );
         let waited = || {
             late(
-                &mut own.clone().map(|(name, one)| (name, one.overruns, one.steps)),
+                &mut participants.clone().map(|(name, one)| (name, one.overruns, one.steps)),
                 "overran",
             )
         };

@@ -29,11 +29,11 @@ const START_WITHIN: Duration = Duration::from_secs(20);
 
 /// How long the program of `entry` may take to enter the run, and to answer a request.
 pub(crate) fn start_within(entry: &Entry, options: &Options) -> Duration {
-    let own = entry
+    let scenario_value = entry
         .start_within
         .map(|time| Duration::try_from_secs_f64(time.seconds()));
-    let own = own.map(|own| own.unwrap_or(Duration::MAX));
-    options.start_within.or(own).unwrap_or(START_WITHIN)
+    let scenario_value = scenario_value.map(|scenario_value| scenario_value.unwrap_or(Duration::MAX));
+    options.start_within.or(scenario_value).unwrap_or(START_WITHIN)
 }
 
 /// The result of taking one batch of a record.

@@ -132,9 +132,9 @@ mod tests {
                 for (name, wait) in Wait::ALL {
                     let placement = Placement::choose_among(&plan, &cores, wait, false);
                     for (one, waiting) in placement.waiting.iter().enumerate() {
-                        let own = placement.cores[one];
-                        let company = placement.cores.iter().filter(|core| **core == own).count();
-                        let alone = own.is_some_and(|core| cores.contains(&core)) && company == 1;
+                        let core = placement.cores[one];
+                        let sharing = placement.cores.iter().filter(|other| **other == core).count();
+                        let alone = core.is_some_and(|core| cores.contains(&core)) && sharing == 1;
                         assert!(alone || waiting.spins == 0, "{count} on {there}, {name}: {placement:?}");
                     }
                     let denied = wait == Wait::Spin && there < count;

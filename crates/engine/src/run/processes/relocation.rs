@@ -41,7 +41,7 @@ impl Processes {
             .ok_or_else(|| RunFailure::Other("the run has no folder for logs".into()))?;
         let old_address = self.services.address().clone();
         self.scope.move_on()?;
-        let names = run_state.plan.participants.iter().map(|own| own.name.as_str());
+        let names = run_state.plan.participants.iter().map(|planned| planned.name.as_str());
         let (domain, ports) = RunServices::enter_domain(self.scope.address(), names)?;
         // If anything else fails from here on, the participants in `old` and `handles` are shut down when these are dropped.
         let mut old = std::mem::take(&mut self.handles);

@@ -45,11 +45,11 @@ pub(crate) fn diagnose(
         if handle.timing.is_some() {
             continue;
         }
-        let own = &plan.participants[number];
-        let may = status.next < own.activations && own.sample_time.instant(status.next) < horizon;
+        let planned = &plan.participants[number];
+        let may_proceed = status.next < planned.activations && planned.sample_time.instant(status.next) < horizon;
         let working = match status.activity {
             Activity::Computing | Activity::Starting | Activity::Finished => true,
-            Activity::Paused => may || !handle.has_reached(horizon),
+            Activity::Paused => may_proceed || !handle.has_reached(horizon),
             _ => false,
         };
         let ignores_arrival = match status.activity {

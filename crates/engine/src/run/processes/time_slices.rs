@@ -42,12 +42,13 @@ impl TimeSlices {
 
 /// Whether more threads are runnable than there are cores, and some of them belong to other work. `own` is the number of the run's
 /// own threads.
-fn is_oversubscribed(own: usize) -> bool {
+fn is_oversubscribed(own_threads: usize) -> bool {
     let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     // SAFETY: the call takes and returns a number.
     let cores = unsafe { libc::sysconf(libc::_SC_NPROCESSORS_ONLN) };
     runnable_threads(&text).is_some_and(|runnable_threads| {
-        runnable_threads > own && i64::try_from(runnable_threads).is_ok_and(|runnable_threads| runnable_threads > cores)
+        runnable_threads > own_threads
+            && i64::try_from(runnable_threads).is_ok_and(|runnable_threads| runnable_threads > cores)
     })
 }
 

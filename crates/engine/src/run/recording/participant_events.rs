@@ -11,16 +11,19 @@ impl Recorder {
     /// # Errors
     /// The contradiction, in words that follow the participant's name.
     pub fn check_finished(&self, participant: usize) -> Result<(), Broken> {
-        let own = &self.plan.participants[participant];
+        let planned = &self.plan.participants[participant];
         let says = "reports that it has finished";
-        let last = own.activations.checked_sub(1).map(|last| own.sample_time.instant(last));
+        let last = planned
+            .activations
+            .checked_sub(1)
+            .map(|last| planned.sample_time.instant(last));
         if last.is_some_and(|last| last >= self.granted) {
             return Err(Broken(format!(
                 "{says}; it is granted no time after t = {} s",
                 self.plan.timebase.seconds(self.granted)
             )));
         }
-        self.check_sample_counts(participant, own.activations, says)
+        self.check_sample_counts(participant, planned.activations, says)
     }
 
     /// Checks the event AtHorizon (granted time and next activation) against the plan and the recorded samples.
@@ -36,8 +39,8 @@ impl Recorder {
                 self.plan.timebase.seconds(self.granted)
             )));
         }
-        let own = &self.plan.participants[participant];
-        let before = own.sample_time.count_before(horizon.min(self.plan.end));
+        let planned = &self.plan.participants[participant];
+        let before = planned.sample_time.count_before(horizon.min(self.plan.end));
         let right = before.max(self.base_activations[participant]);
         if next != right {
             return Err(Broken(format!(

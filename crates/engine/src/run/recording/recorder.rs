@@ -22,7 +22,7 @@ use crate::run::saved::off_tape::SampleBuffer;
 
 /// The number of samples of stream number `stream` when the next activation of its owner is `next`.
 pub(crate) fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u64 {
-    let outputs = plan.participants.iter().map(|own| own.interface.outputs.len());
+    let outputs = plan.participants.iter().map(|planned| planned.interface.outputs.len());
     if stream < outputs.sum() {
         plan.samples_before(owner, next)
     } else {
@@ -83,14 +83,14 @@ impl Recorder {
         guards: Vec<SampleGuard>,
     ) -> Recorder {
         let outputs = plan.participants.iter().enumerate();
-        let outputs = outputs.flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number));
+        let outputs = outputs.flat_map(|(number, planned)| planned.interface.outputs.iter().map(move |_| number));
         let owners: Vec<usize> = outputs.chain(plan.seen.iter().map(|seen| seen.participant)).collect();
         let published = vec![0; owners.len()];
         let initial_samples = owners.iter().enumerate();
         let initial_samples = initial_samples
             .map(|(stream, &owner)| samples(&plan, stream, owner, 0))
             .collect();
-        let reads = |stream| assessment.as_ref().is_some_and(|own| own.reads(stream));
+        let reads = |stream| assessment.as_ref().is_some_and(|assessment| assessment.reads(stream));
         Recorder {
             assessed: (0..owners.len()).map(reads).collect(),
             store,
@@ -166,9 +166,9 @@ impl Recorder {
 
     /// The streams of the outputs of participant number `participant`.
     fn outputs(&self, participant: usize) -> std::ops::Range<usize> {
-        let own = &self.plan.participants[participant];
-        let first = own.first_stream as usize;
-        first..first + own.interface.outputs.len()
+        let planned = &self.plan.participants[participant];
+        let first = planned.first_stream as usize;
+        first..first + planned.interface.outputs.len()
     }
 
     /// How many whole activations of participant number `participant` have been recorded up to its present position; `None` if it
@@ -307,9 +307,9 @@ impl Recorder {
             if let Some(what) = guard.check(header.index, header.stamp, payload, self.plan.timebase)
                 && self.violation.is_none()
             {
-                let own = &self.plan.participants[participant];
-                let output = &own.interface.outputs[number - own.first_stream as usize].name;
-                self.violation = Some((participant, format!("gave out `{}.{output}` {what}", own.name)));
+                let planned = &self.plan.participants[participant];
+                let output = &planned.interface.outputs[number - planned.first_stream as usize].name;
+                self.violation = Some((participant, format!("gave out `{}.{output}` {what}", planned.name)));
             }
         }
         self.advance(header.stamp)
@@ -326,19 +326,20 @@ impl Recorder {
 
     /// Checks that sample `index` of stream number `stream` is the next one, and that its activation lies before the granted time.
     fn check_due(&self, participant: usize, stream: usize, index: u64) -> Result<(), Broken> {
-        let (own, due) = (&self.plan.participants[participant], self.published[stream]);
+        let (planned, due) = (&self.plan.participants[participant], self.published[stream]);
         let activation = index.checked_sub(self.initial_samples[stream]);
-        let granted = activation.is_none_or(|k| k < own.activations && own.sample_time.instant(k) < self.granted);
+        let granted =
+            activation.is_none_or(|k| k < planned.activations && planned.sample_time.instant(k) < self.granted);
         if index == due && granted {
             return Ok(());
         }
         let name = self.name(stream);
         Err(Broken(if index != due {
             format!("recorded stream `{name}`: sample {index} came where sample {due} was due")
-        } else if let Some(k) = activation.filter(|&k| k < own.activations) {
+        } else if let Some(k) = activation.filter(|&k| k < planned.activations) {
             format!(
                 "recorded sample #{index} of `{name}`, which its activation at t = {} s gives; it is granted no time after t = {} s",
-                self.plan.timebase.seconds(own.sample_time.instant(k)),
+                self.plan.timebase.seconds(planned.sample_time.instant(k)),
                 self.plan.timebase.seconds(self.granted)
             )
         } else {
@@ -398,10 +399,12 @@ impl Recorder {
 
     /// Another program provides the outputs of participant number `participant` from now on.
     pub fn producer_replaced(&mut self, participant: usize) {
-        let own = self.owners.iter().map(|owner| *owner == participant);
-        let own: Vec<bool> = own.collect();
+        let is_owned = self.owners.iter().map(|owner| *owner == participant);
+        let is_owned: Vec<bool> = is_owned.collect();
         let guards = self.guards.iter_mut();
-        guards.filter(|guard| own[guard.stream]).for_each(SampleGuard::reset);
+        guards
+            .filter(|guard| is_owned[guard.stream])
+            .for_each(SampleGuard::reset);
         // Violations by the predecessor while it was shut down need no further report.
         self.violation = self.violation.take().filter(|(offender, _)| *offender != participant);
         self.offenders.retain(|offender| *offender != participant);

@@ -124,7 +124,7 @@ impl Checkpoint {
         Checkpoint {
             version: env!("CARGO_PKG_VERSION").into(),
             time,
-            participants: plan.participants.iter().map(|own| own.name.clone()).collect(),
+            participants: plan.participants.iter().map(|planned| planned.name.clone()).collect(),
             cut,
             states,
             substitutions: substituted as u64,

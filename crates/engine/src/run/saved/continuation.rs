@@ -90,22 +90,27 @@ pub(crate) fn check(scenario: &Scenario, checkpoint: &Checkpoint) -> Result<(), 
 /// # Errors
 /// The keys that prevent it. An instant after the end is reported by [`crate::run::branch`].
 pub fn check_branch(scenario: &Scenario, unchanged: &Scenario, at: Rational) -> Result<(), RunFailure> {
-    let (own, before) = (position(scenario, at)?, position(unchanged, at)?);
-    if !own.before_end || own.done.len() != before.done.len() {
+    let (changed, before) = (position(scenario, at)?, position(unchanged, at)?);
+    if !changed.before_end || changed.done.len() != before.done.len() {
         return Ok(());
     }
-    Ok(check_same_sample_times(scenario, at, &own.done, &before.done)?)
+    Ok(check_same_sample_times(scenario, at, &changed.done, &before.done)?)
 }
 
 /// Refuses participants that have done a different number of activations than in the run.
-fn check_same_sample_times(scenario: &Scenario, time: Rational, own: &[u64], run: &[u64]) -> Result<(), ScenarioError> {
-    let differ = (own.iter().zip(run).enumerate()).filter(|(_, (own, run))| own != run);
+fn check_same_sample_times(
+    scenario: &Scenario,
+    time: Rational,
+    done: &[u64],
+    done_in_run: &[u64],
+) -> Result<(), ScenarioError> {
+    let differ = (done.iter().zip(done_in_run).enumerate()).filter(|(_, (done, done_in_run))| done != done_in_run);
     let wrong: Vec<(usize, String)> = differ
-        .map(|(number, (own, run))| {
+        .map(|(number, (done, done_in_run))| {
             let entry = &scenario.participants[number];
             let reason = format!(
-                "with a period of {} and an offset of {}, `{}` has done {own} activations before t = {time}, and {run} in the run that was \
-                 saved: a resumed run keeps its sample times, so leave them unchanged",
+                "with a period of {} and an offset of {}, `{}` has done {done} activations before t = {time}, and {done_in_run} in the run \
+                 that was saved: a resumed run keeps its sample times, so leave them unchanged",
                 entry.period, entry.offset, entry.setup.name
             );
             (number, reason)

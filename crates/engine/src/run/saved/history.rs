@@ -123,7 +123,7 @@ impl<S: Source> History<S> {
         mut take: impl FnMut(usize, u32, Header, &[u8]) -> Result<(), RunFailure>,
     ) -> Result<(), RunFailure> {
         let outputs = plan.participants.iter().enumerate();
-        let outputs = outputs.flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number));
+        let outputs = outputs.flat_map(|(number, planned)| planned.interface.outputs.iter().map(move |_| number));
         let owners = outputs.chain(plan.seen.iter().map(|seen| seen.participant));
         let mut merged_streams = Vec::new();
         for ((stream, participant), needed) in owners.enumerate().zip(counts) {
@@ -198,8 +198,8 @@ pub fn difference(descriptor: &Descriptor, before: &[u8], now: &[u8]) -> String 
         .flat_map(|field| (0..field.len()).map(move |at| (field, at)));
     let differs = elements.find(|(field, at)| {
         let size = field.element.size();
-        let own = field.range().start + at * size..field.range().start + (at + 1) * size;
-        before[own.clone()] != now[own]
+        let bytes = field.range().start + at * size..field.range().start + (at + 1) * size;
+        before[bytes.clone()] != now[bytes]
     });
     match differs {
         Some((field, at)) => format!(

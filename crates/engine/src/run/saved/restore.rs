@@ -338,8 +338,8 @@ impl Recorder {
         }
         let mut newest = Vec::new();
         for stream in incomplete_streams.filter(|stream| self.published[*stream] > 0) {
-            let (own, index) = (&self.plan.participants[self.owners[stream]], self.published[stream] - 1);
-            let stamp = own.sample_time.instant(index);
+            let (planned, index) = (&self.plan.participants[self.owners[stream]], self.published[stream] - 1);
+            let stamp = planned.sample_time.instant(index);
             newest.push((stream, Header { index, stamp }));
         }
         if self.latest.is_some() {
