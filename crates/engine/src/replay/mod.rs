@@ -170,10 +170,10 @@ impl Replay {
         let uncompared = uncompared(&self.participant, &recording, to_s);
         replay.retain_mut(|(at, count)| {
             let spec = &replayed.streams()[*at];
-            let twin = recording
+            let recorded_stream = recording
                 .iter_mut()
                 .find(|(stream, _)| self.reader.streams()[*stream].port == spec.port);
-            let Some((_, recorded)) = twin else {
+            let Some((_, recorded)) = recorded_stream else {
                 notes.push(format!("{} is not on the tape, so it was not compared", spec.name()));
                 return false;
             };

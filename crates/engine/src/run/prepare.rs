@@ -175,8 +175,8 @@ impl Host {
     fn here() -> Host {
         let system = rustix::system::uname();
         let text = |part: &std::ffi::CStr| part.to_string_lossy().into_owned();
-        let about = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let model = about.lines().find_map(|line| {
+        let cpu_info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = cpu_info.lines().find_map(|line| {
             line.strip_prefix("model name")?
                 .split_once(':')
                 .map(|(_, m)| m.trim().to_owned())
@@ -223,13 +223,13 @@ pub(super) fn create_folder(scenario: &Scenario, options: &Options) -> Result<Cl
 /// run length does not affect what was before.
 fn changed_at(plan: toml::Table, origin: &Origin) -> Option<String> {
     let parent = RunFolder::open(&origin.run);
-    let lasting = |mut table: toml::Table| {
+    let without_duration = |mut table: toml::Table| {
         table.remove("duration");
         table
     };
     let before = String::from_utf8(tape::read_regular(&parent.plan()).ok()?).ok()?;
     let before = before.parse::<toml::Table>().ok()?;
-    if lasting(before) != lasting(plan) {
+    if without_duration(before) != without_duration(plan) {
         return Some(origin.checkpoint.time.to_string());
     }
     parent.changed_at()

@@ -52,9 +52,9 @@ pub(crate) fn create_participants(
     made: MadeParticipants,
 ) -> Result<Vec<Box<dyn Participant>>, RunFailure> {
     // A program that cannot run in this process is refused now, not at its substitution.
-    let elsewhere =
+    let cannot_run_here =
         |entry: &&Entry| entry.program.is_external() && scenario.builtins().factory_within(&entry.program).is_none();
-    if let Some(entry) = entries.iter().find(elsewhere) {
+    if let Some(entry) = entries.iter().find(cannot_run_here) {
         return Err(external_program_refusal(scenario, entry));
     }
     for substitution in &scenario.substitutions {
@@ -358,8 +358,8 @@ impl Executor for LoopExecutor {
             let Some(in_loop) = self.in_loop.take() else {
                 return Err(RunFailure::Other("the run is over".into()));
             };
-            let in_slots = in_loop.into_participants().into_iter().zip(slots).enumerate();
-            let participants = in_slots.filter_map(|(number, (now, one))| {
+            let slotted = in_loop.into_participants().into_iter().zip(slots).enumerate();
+            let participants = slotted.filter_map(|(number, (now, one))| {
                 fill_slot(run_state, number, cut.next[number], one, Some(now), &self.logs).transpose()
             });
             let participants = participants.collect::<Result<Vec<_>, _>>()?;

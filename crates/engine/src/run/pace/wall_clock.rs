@@ -30,7 +30,7 @@ struct Stretch {
 /// When an instant is due.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Due {
-    /// ns without suspensions, as of [`Pace::awake`].
+    /// ns without suspensions, as of [`Pace::active_ns`].
     pub(crate) ns: u64,
     /// The number of the stretch without a pause.
     pub(crate) stretch: u64,

@@ -126,21 +126,24 @@ mod tests {
     fn spinning_participant_has_a_core_of_its_own() {
         for count in 2..=7 {
             let plan = ring(count);
-            for there in 1..=9 {
+            for core_count in 1..=9 {
                 // Core numbers that differ from their positions in the list.
-                let cores: Vec<usize> = (0..there).map(|core| 3 * core + 1).collect();
+                let cores: Vec<usize> = (0..core_count).map(|core| 3 * core + 1).collect();
                 for (name, wait) in Wait::ALL {
                     let placement = Placement::choose_among(&plan, &cores, wait, false);
                     for (one, waiting) in placement.waiting.iter().enumerate() {
                         let core = placement.cores[one];
                         let sharing = placement.cores.iter().filter(|other| **other == core).count();
                         let alone = core.is_some_and(|core| cores.contains(&core)) && sharing == 1;
-                        assert!(alone || waiting.spins == 0, "{count} on {there}, {name}: {placement:?}");
+                        assert!(
+                            alone || waiting.spins == 0,
+                            "{count} on {core_count}, {name}: {placement:?}"
+                        );
                     }
-                    let denied = wait == Wait::Spin && there < count;
-                    assert_eq!(placement.denied.is_some(), denied, "{count} on {there}, {name}");
+                    let denied = wait == Wait::Spin && core_count < count;
+                    assert_eq!(placement.denied.is_some(), denied, "{count} on {core_count}, {name}");
                     if wait == Wait::Spin && !denied {
-                        assert_eq!(placement.waiting, vec![Waiting::SPIN; count], "{count} on {there}");
+                        assert_eq!(placement.waiting, vec![Waiting::SPIN; count], "{count} on {core_count}");
                     }
                     let free = Placement::choose_among(&plan, &cores, wait, true);
                     assert_eq!((free.cores, free.waiting), (vec![None; count], placement.waiting));

@@ -56,7 +56,7 @@ extern "C" fn at_missing_page(_: libc::c_int, about: *mut libc::siginfo_t, _: *m
         let page = (address & !(size - 1)) as *mut libc::c_void;
         // SAFETY: the address belongs to a mapping of this process, otherwise the signal would be SIGSEGV; a page of zeros replaces
         // the missing one.
-        let there = unsafe {
+        let mapped = unsafe {
             libc::mmap(
                 page,
                 size,
@@ -66,7 +66,7 @@ extern "C" fn at_missing_page(_: libc::c_int, about: *mut libc::siginfo_t, _: *m
                 0,
             )
         };
-        if there != MAP_FAILED {
+        if mapped != MAP_FAILED {
             MISSED.store(true, Ordering::Relaxed);
             return;
         }

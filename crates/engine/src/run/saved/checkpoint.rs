@@ -227,20 +227,20 @@ impl Checkpoint {
         }
         all.sort();
         // The time of a damaged file is unknown.
-        let (mut good, mut bad) = (Vec::new(), Vec::new());
+        let (mut readable, mut unreadable) = (Vec::new(), Vec::new());
         for (path, bytes) in &all {
             match Checkpoint::decode(path, bytes) {
-                Ok(checkpoint) => good.push(checkpoint),
-                Err(error) => bad.push(error),
+                Ok(checkpoint) => readable.push(checkpoint),
+                Err(error) => unreadable.push(error),
             }
         }
-        good.sort_by_key(|checkpoint| checkpoint.time);
-        let times: Vec<String> = good.iter().map(|one| one.time.to_string()).collect();
+        readable.sort_by_key(|checkpoint| checkpoint.time);
+        let times: Vec<String> = readable.iter().map(|one| one.time.to_string()).collect();
         let fits = |one: &Checkpoint| limit.is_none_or(|limit| one.time <= limit);
-        match (good.into_iter().rev().find(fits), bad.pop()) {
+        match (readable.into_iter().rev().find(fits), unreadable.pop()) {
             (Some(checkpoint), last) => {
-                bad.extend(last);
-                Ok((checkpoint, bad))
+                unreadable.extend(last);
+                Ok((checkpoint, unreadable))
             }
             (None, Some(last)) => Err(last),
             (None, None) => Err(CheckpointError::None {
@@ -311,13 +311,13 @@ mod tests {
         let middle = of(2_000).write(&folder).unwrap();
         of(1_000).write(&folder).unwrap();
         let found = |limit: Option<i64>| Checkpoint::find(&folder, limit.map(Rational::from_millis));
-        let (checkpoint, bad) = found(None).unwrap();
-        assert_eq!((checkpoint, bad.len()), (of(3_000), 0));
+        let (checkpoint, unreadable) = found(None).unwrap();
+        assert_eq!((checkpoint, unreadable.len()), (of(3_000), 0));
         fs::write(&newest, "nothing of the kind").unwrap();
         fs::write(&middle, &of(2_000).encode().unwrap()[..60]).unwrap();
-        let (checkpoint, bad) = found(None).unwrap();
+        let (checkpoint, unreadable) = found(None).unwrap();
         assert_eq!(checkpoint, of(1_000));
-        let messages: Vec<String> = bad.iter().map(ToString::to_string).collect();
+        let messages: Vec<String> = unreadable.iter().map(ToString::to_string).collect();
         let parts = [(&middle, "damaged"), (&newest, "not a checkpoint")];
         assert_eq!(messages.len(), parts.len());
         for (words, (path, part)) in messages.iter().zip(parts) {

@@ -127,10 +127,10 @@ impl<S: Source> History<S> {
         let owners = outputs.chain(plan.seen.iter().map(|seen| seen.participant));
         let mut merged_streams = Vec::new();
         for ((stream, participant), needed) in owners.enumerate().zip(counts) {
-            let there = self.count(stream);
-            if there < *needed {
+            let recorded_count = self.count(stream);
+            if recorded_count < *needed {
                 return Err(RunFailure::Other(format!(
-                    "the tape has {there} samples of `{}`; the checkpoint needs {needed}: take an earlier one with --from",
+                    "the tape has {recorded_count} samples of `{}`; the checkpoint needs {needed}: take an earlier one with --from",
                     crate::run::recording::streams::streams(plan)[stream].name()
                 )));
             }

@@ -196,7 +196,7 @@ impl Recorder {
             let reason = "the run cannot be resumed: the checkpoint is one of other streams";
             return Err(RunFailure::Other(reason.into()));
         }
-        let incomplete: Vec<bool> = counts.iter().zip(&samples).map(|(there, all)| there < all).collect();
+        let incomplete: Vec<bool> = counts.iter().zip(&samples).map(|(kept, all)| kept < all).collect();
         let mut kept_counts = vec![0; samples.len()];
         history.for_each_sample(&plan, counts, |participant, stream, header, payload| {
             let (stream, stamp_s) = (stream as usize, plan.timebase.seconds(header.stamp));
@@ -274,7 +274,7 @@ impl Recorder {
         (self.faults, self.newest, self.event_count) = (faults::events(&plan), i64::MIN, 0);
         self.latest.iter_mut().for_each(NewestSamples::clear);
         let counts = self.tape_mapping.of_first(&samples);
-        let incomplete: Vec<bool> = counts.iter().zip(&samples).map(|(there, all)| there < all).collect();
+        let incomplete: Vec<bool> = counts.iter().zip(&samples).map(|(kept, all)| kept < all).collect();
         if let Some(rest) = &checkpoint.rest {
             self.set_buffer(&rest.samples);
         }
