@@ -89,7 +89,7 @@ impl Catalogue {
         catalogue.internal(player::NAME, player::factory)
     }
 
-    fn own(&mut self) -> &mut Builtins {
+    fn builtins_mut(&mut self) -> &mut Builtins {
         Arc::make_mut(&mut self.builtins)
     }
 
@@ -100,7 +100,7 @@ impl Catalogue {
         name: &str,
         make: impl Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync + 'static,
     ) -> Catalogue {
-        self.own().add_participant(name, Arc::new(make));
+        self.builtins_mut().add_participant(name, Arc::new(make));
         self
     }
 
@@ -111,7 +111,7 @@ impl Catalogue {
         name: &str,
         make: impl Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync + 'static,
     ) -> Catalogue {
-        self.own().add_internal(name, Arc::new(make));
+        self.builtins_mut().add_internal(name, Arc::new(make));
         self
     }
 
@@ -122,7 +122,7 @@ impl Catalogue {
         kind: &str,
         make: impl Fn(&Table, &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync + 'static,
     ) -> Catalogue {
-        self.own().add_assessment(kind, Arc::new(make));
+        self.builtins_mut().add_assessment(kind, Arc::new(make));
         self
     }
 
@@ -163,14 +163,14 @@ impl Catalogue {
     /// loop then uses it. An interpreter with the engine as a module has one for the models in its language.
     #[must_use]
     pub fn within(mut self, find: impl Fn(&Program) -> Option<Factory> + Send + Sync + 'static) -> Catalogue {
-        self.own().set_within(Arc::new(find));
+        self.builtins_mut().set_within(Arc::new(find));
         self
     }
 
     /// Replaces the version.
     #[must_use]
     pub fn with_version(mut self, version: &str) -> Catalogue {
-        self.own().set_version(version);
+        self.builtins_mut().set_version(version);
         self
     }
 
@@ -181,9 +181,14 @@ impl Catalogue {
 
     /// The warnings about `scenario`, whose `findings` are given.
     pub fn warnings_with(&self, scenario: &Scenario, findings: &[Finding]) -> Vec<String> {
-        let own = self.remarks.iter().flat_map(|remarks| remarks(scenario));
+        let from_remarks = self.remarks.iter().flat_map(|remarks| remarks(scenario));
         let found = findings.iter().flat_map(|finding| finding.warnings.iter().cloned());
-        scenario.remarks().into_iter().chain(own).chain(found).collect()
+        scenario
+            .remarks()
+            .into_iter()
+            .chain(from_remarks)
+            .chain(found)
+            .collect()
     }
 
     /// The findings of `check` about `scenario`.

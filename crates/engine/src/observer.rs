@@ -41,7 +41,7 @@ pub enum Event<'a> {
         /// The line, with its name and the simulated time.
         line: &'a str,
     },
-    /// The run rests at `t_s` until [`Observer::answer`] or the live page lets it continue.
+    /// The run is paused at `t_s` until [`Observer::answer`] or the live page lets it continue.
     Paused {
         /// Simulated time, s.
         t_s: f64,
@@ -68,7 +68,7 @@ pub trait Observer: Send {
     /// Receives `event`.
     fn event(&mut self, event: Event<'_>);
 
-    /// What happens to the paused run; called repeatedly while it rests. `None` as long as nothing is decided.
+    /// What happens to the paused run; called repeatedly during the pause. `None` as long as nothing is decided.
     fn answer(&mut self) -> Option<Answer> {
         None
     }

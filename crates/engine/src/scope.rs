@@ -30,10 +30,10 @@ const LOCK: &str = "lock";
 const SCRATCH: &str = "scratch";
 /// The number of letters in the name of a run, five random bits each.
 const ID: usize = 16;
-/// The last two letters of a prefix are from these: a new pair for each place in shared memory that a run uses in turn.
+/// The last two letters of a prefix are from these: a new pair for each domain in shared memory that a run uses in turn.
 const LETTERS: &[u8] = b"_0123456789abcdefghijklmnopqrstuvwxyz";
-/// The most places of a run.
-const PLACES: usize = LETTERS.len() * LETTERS.len();
+/// The most domains of a run.
+const DOMAINS_MAX: usize = LETTERS.len() * LETTERS.len();
 
 /// Why a run's scope cannot be created.
 #[derive(Debug, thiserror::Error)]
@@ -49,7 +49,7 @@ pub enum ScopeError {
         source: io::Error,
     },
     /// The participants were moved too often.
-    #[error("the run was restarted {} times, and no address is left in shared memory: correct the cause of the failure, which a restart does not remove", PLACES - 1)]
+    #[error("the run was restarted {} times, and no address is left in shared memory: correct the cause of the failure, which a restart does not remove", DOMAINS_MAX - 1)]
     Exhausted,
 }
 
@@ -59,7 +59,7 @@ fn io_error(path: &Path, what: &'static str) -> impl FnOnce(io::Error) -> ScopeE
 }
 
 /// An unguessable name, never drawn twice.
-fn draw() -> Result<String, ScopeError> {
+fn random_name() -> Result<String, ScopeError> {
     let mut bits = [0_u8; ID];
     File::open("/dev/urandom")
         .and_then(|mut random| io::Read::read_exact(&mut random, &mut bits))
@@ -80,34 +80,34 @@ fn folder_of(id: &str) -> PathBuf {
 pub struct Scope {
     id: String,
     folder: PathBuf,
-    place: usize,
+    domain_number: usize,
     _lock: File,
 }
 
 impl Scope {
     /// Creates a scope with an unguessable name that is never used again.
     pub fn create() -> Result<Scope, ScopeError> {
-        let id = draw()?;
+        let id = random_name()?;
         let folder = folder_of(&id);
         private_dir_builder()
             .create(&folder)
             .map_err(io_error(&folder, "cannot be made"))?;
         let lock = folder.join(LOCK);
         // Locked under another name first, so that the lock file of a living run is never seen unlocked.
-        let unborn = folder.join("lock.new");
+        let unlocked = folder.join("lock.new");
         let file = OpenOptions::new()
             .create_new(true)
             .write(true)
             .mode(0o600)
-            .open(&unborn);
-        let file = file.map_err(io_error(&unborn, "cannot be made"))?;
+            .open(&unlocked);
+        let file = file.map_err(io_error(&unlocked, "cannot be made"))?;
         flock(&file, FlockOperation::NonBlockingLockExclusive)
-            .map_err(|error| io_error(&unborn, "cannot be locked")(error.into()))?;
-        fs::rename(&unborn, &lock).map_err(io_error(&lock, "cannot be made"))?;
+            .map_err(|error| io_error(&unlocked, "cannot be locked")(error.into()))?;
+        fs::rename(&unlocked, &lock).map_err(io_error(&lock, "cannot be made"))?;
         Ok(Scope {
             id,
             folder,
-            place: 0,
+            domain_number: 0,
             _lock: file,
         })
     }
@@ -118,8 +118,8 @@ impl Scope {
             prefix: format!(
                 "{MARK}{}{}{}",
                 self.id,
-                letter(self.place / LETTERS.len()),
-                letter(self.place % LETTERS.len())
+                letter(self.domain_number / LETTERS.len()),
+                letter(self.domain_number % LETTERS.len())
             ),
             folder: self.folder.clone(),
         }
@@ -129,14 +129,14 @@ impl Scope {
     /// also when this process is killed. Can be called once for each scope.
     pub fn scratch(&self) -> Result<PathBuf, ScopeError> {
         // Not the run's own name, which any user can list in shared memory.
-        self.scratch_at(std::env::temp_dir().join(format!("escapement-{}", draw()?)))
+        self.scratch_at(std::env::temp_dir().join(format!("escapement-{}", random_name()?)))
     }
 
     /// As [`Scope::scratch`], in the folder `parent`, under a name that begins with `mark`.
     pub fn scratch_in(&self, parent: &Path, mark: &str) -> Result<PathBuf, ScopeError> {
         let made = private_dir_builder().recursive(true).create(parent);
         made.map_err(io_error(parent, "cannot be made"))?;
-        self.scratch_at(parent.join(format!("{mark}{}", draw()?)))
+        self.scratch_at(parent.join(format!("{mark}{}", random_name()?)))
     }
 
     fn scratch_at(&self, folder: PathBuf) -> Result<PathBuf, ScopeError> {
@@ -149,16 +149,16 @@ impl Scope {
         Ok(folder)
     }
 
-    /// Moves on to a fresh place for all participants, so that no object of a dead process can be found there.
+    /// Moves on to a new domain for all participants, so that no object of a dead process can be found there.
     pub fn move_on(&mut self) -> Result<(), ScopeError> {
-        if self.place + 1 == PLACES {
+        if self.domain_number + 1 == DOMAINS_MAX {
             return Err(ScopeError::Exhausted);
         }
-        self.place += 1;
+        self.domain_number += 1;
         Ok(())
     }
 
-    /// Removes the objects that are left in the place `address`, which all participants have left.
+    /// Removes the objects that are left in the domain `address`, which all participants have left.
     pub fn clear(&self, address: &Address) {
         for object in objects(&address.prefix) {
             let _ = fs::remove_file(object);
@@ -228,7 +228,7 @@ pub fn leftovers() -> Vec<Leftover> {
     // A folder that others may enter, or a symbolic link, is not a run's folder.
     let folders = ids(FOLDER, |about| about.is_dir() && about.mode() & 0o077 == 0);
     // Only a folder with an unlocked lock file proves that a run is dead. Its objects are removed first and the folder last.
-    let dead = folders.into_iter().filter(|id| dead(&folder_of(id)));
+    let dead = folders.into_iter().filter(|id| is_dead(&folder_of(id)));
     let all: BTreeSet<String> = orphans.chain(dead).collect();
     all.iter().map(|id| leftover(id)).collect()
 }
@@ -269,7 +269,7 @@ fn leftover(id: &str) -> Leftover {
 }
 
 /// Whether the lock of a run's folder is not held.
-fn dead(folder: &Path) -> bool {
+fn is_dead(folder: &Path) -> bool {
     match File::open(folder.join(LOCK)) {
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok(),
         // Without a lock file, the run may be about to create it.
@@ -290,7 +290,7 @@ mod tests {
 
     #[test]
     fn object_without_a_folder_is_removed() {
-        let id = draw().unwrap();
+        let id = random_name().unwrap();
         let object = Path::new(SHARED_MEMORY).join(format!("{}0_late", prefix(&id)));
         fs::write(&object, "left").unwrap();
         // A run of another test may have removed it already.

@@ -220,7 +220,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_shadow_stands_in_the_place_of_its_participant() {
+    fn shadow_option_is_parsed_into_participant_and_program() {
         let set = ["law=\"reference\"".to_owned()];
         let shadow = Shadow::read("controller=builtin:controller", &set).unwrap();
         assert_eq!(shadow.run, RunSpec::builtin("controller"));

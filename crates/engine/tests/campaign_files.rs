@@ -196,7 +196,7 @@ once = true
     assert!(shared.iter().all(|one| *one == shared[0]), "drawn once");
     let seeds = numbers(&plan, "seed");
     assert_eq!(seeds, [5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0]);
-    // what is drawn is what the scenario then says, by the fault's name and by its number
+    // the scenario then has the random values, by the fault's name and by its number
     let catalogue = Arc::new(Catalogue::new("test"));
     let scenario = Scenario::read(&catalogue, &files.0.join("scenario.toml"), &settings(&plan.point(2))).unwrap();
     let fault = &scenario.resolved()["faults"][0];
@@ -210,7 +210,7 @@ once = true
 }
 
 #[test]
-fn draws_do_not_depend_on_other_dispersions_or_on_the_number_of_points() {
+fn draws_are_independent_of_other_dispersions_and_points() {
     let files = Files::new("apart");
     let mass = "[vary.mass]\nkey = 'participants.body.parameters.mass'\ndistribution = 'normal'\ndeviation = '1 kg'\nas = 'offset'\n";
     let part =

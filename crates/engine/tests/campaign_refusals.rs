@@ -173,7 +173,7 @@ fn refused(files: &Files, campaign: &str, parts: &[&str]) {
 }
 
 #[test]
-fn dispersion_that_cannot_be_is_refused_with_its_key() {
+fn invalid_dispersion_is_refused_with_its_key() {
     let files = Files::new("refused");
     std::fs::write(files.0.join("empty.csv"), "a\n").unwrap();
     for (key, rest, parts) in DISPERSIONS {
@@ -201,7 +201,7 @@ fn title_of_a_campaign_is_one_line_without_control_characters() {
 }
 
 #[test]
-fn campaign_that_cannot_be_is_refused_with_its_key() {
+fn invalid_campaign_is_refused_with_its_key() {
     let files = Files::new("refused-whole");
     let two = format!(
         "points = 3\n{}[vary.y]\nkey = '{B}.mass'\ndistribution = 'constant'\nvalue = '1 kg'\n",
@@ -273,7 +273,7 @@ fn campaign_that_cannot_be_is_refused_with_its_key() {
 }
 
 #[test]
-fn columns_that_a_design_makes_are_no_names_of_dispersions() {
+fn design_columns_are_refused_as_names_of_dispersions() {
     let files = Files::new("taken");
     for design in ["saltelli", "subset"] {
         let drawn = |name: &str| {

@@ -2,14 +2,14 @@
 
 mod common;
 
-use common::{Dice, Sample, declared, fed, stream, time};
+use common::{RandomSource, Sample, declared, measure_shuffled, stream, time};
 use engine::assessment::Measured;
 use engine::scenario::DeclaredMeasure;
 use lockstep::random::Stream;
 use lockstep::time::Rational;
 
 #[test]
-fn limits_say_by_how_much_and_when() {
+fn limits_report_margin_and_time() {
     let specs = [stream("near", "m", Rational::ZERO, time(1, 2))];
     let texts = [
         "of = 'near.out.x'\ncompute = 'max'\nat-most = '5 mm'",
@@ -33,7 +33,7 @@ fn limits_say_by_how_much_and_when() {
         sample(1, 0.0075, [0.0, 2.0, 1.0]),
         sample(2, -3.0, [0.1, 0.2, 0.3]),
     ]];
-    let found = fed(&all, &specs, &streams, &mut Dice(Stream::new(1, "limits"), 0));
+    let found = measure_shuffled(&all, &specs, &streams, &mut RandomSource(Stream::new(1, "limits"), 0));
     let lines: Vec<String> = found.iter().map(Measured::line).collect();
     for (line, parts) in lines.iter().zip([
         &["FAIL", "7.50 mm", "(at most 5.00 mm): 2.50 mm too much at t = 0.5 s"][..],
@@ -53,7 +53,7 @@ fn limits_say_by_how_much_and_when() {
 }
 
 #[test]
-fn what_is_not_a_number_is_not_measured() {
+fn nan_values_are_not_measured() {
     let specs = [stream("near", "m", Rational::ZERO, time(1, 2))];
     let all = [
         declared("a", "of = 'near.out.x'\ncompute = 'max'\nat-most = '5 m'"),
@@ -69,7 +69,12 @@ fn what_is_not_a_number_is_not_measured() {
         q: if k < 3 { [1.0, 0.0, 0.0, 0.0] } else { [0.0; 4] },
         n: 0,
     });
-    let found = fed(&all, &specs, &[samples.collect()], &mut Dice(Stream::new(1, "nan"), 0));
+    let found = measure_shuffled(
+        &all,
+        &specs,
+        &[samples.collect()],
+        &mut RandomSource(Stream::new(1, "nan"), 0),
+    );
     assert_eq!(found[0].reason.as_deref(), Some("the value is NaN at t = 1 s"));
     assert!(!found[0].criterion.as_ref().expect("it has a limit").met);
     assert_eq!(
@@ -148,7 +153,7 @@ const UNFIT: [(&str, &str, &str); 15] = [
 ];
 
 #[test]
-fn what_does_not_fit_is_refused_with_its_key() {
+fn misfitting_measure_is_refused_with_its_key() {
     let specs = [
         stream("near", "m", Rational::ZERO, time(1, 2)),
         stream("far", "V", Rational::ZERO, time(1, 3)),
@@ -215,7 +220,7 @@ const WRONG: [(&str, &str, &str, &str); 10] = [
 ];
 
 #[test]
-fn what_fits_no_streams_is_refused_with_its_key() {
+fn measure_without_streams_is_refused_with_its_key() {
     for (name, text, key, part) in WRONG {
         let table = text.parse().expect("it is TOML");
         let refused = DeclaredMeasure::of_table(name, table).expect_err(text);

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Dice, Sample, declared, fed, stream, time};
+use common::{RandomSource, Sample, declared, measure_shuffled, stream, time};
 use engine::assessment::Measured;
 use engine::scenario::DeclaredMeasure;
 use lockstep::random::Stream;
@@ -142,17 +142,17 @@ struct Case {
 }
 
 impl Case {
-    fn drawn(number: u64, dice: &mut Dice) -> Case {
-        let mut period = || time(1, [1, 3, 7, 20, 100, 333][dice.below(6) as usize]);
+    fn drawn(number: u64, random: &mut RandomSource) -> Case {
+        let mut period = || time(1, [1, 3, 7, 20, 100, 333][random.below(6) as usize]);
         let periods = [period(), period()];
-        let offsets = [dice.time(2), dice.time(2)];
+        let offsets = [random.time(2), random.time(2)];
         let specs = [
             stream("near", "m", offsets[0], periods[0]),
             stream("far", "mm", offsets[1], periods[1]),
         ];
-        let end = dice.time(8);
-        let streams = specs.each_ref().map(|spec| dice.samples(spec, end));
-        let (a, b) = (dice.time(8), dice.time(8));
+        let end = random.time(8);
+        let streams = specs.each_ref().map(|spec| random.samples(spec, end));
+        let (a, b) = (random.time(8), random.time(8));
         Case {
             number,
             specs,
@@ -261,16 +261,16 @@ impl Case {
 }
 
 #[test]
-fn figures_are_those_of_a_plain_computation_in_any_order_of_arrival() {
+fn figures_equal_a_plain_computation_in_any_arrival_order() {
     let (mut measured, mut absent) = (0, 0);
     for number in 0..CASES {
-        let mut dice = Dice(Stream::new(16, &format!("measures {number}")), 0);
-        let case = Case::drawn(number, &mut dice);
+        let mut random = RandomSource(Stream::new(16, &format!("measures {number}")), 0);
+        let case = Case::drawn(number, &mut random);
         let all = case.declared();
-        let found = fed(&all, &case.specs, &case.streams, &mut dice);
+        let found = measure_shuffled(&all, &case.specs, &case.streams, &mut random);
         assert_eq!(
             found,
-            fed(&all, &case.specs, &case.streams, &mut dice),
+            measure_shuffled(&all, &case.specs, &case.streams, &mut random),
             "case {number}: another order of arrival"
         );
         let [there, not] = case.compare_scalars(&found);

@@ -8,7 +8,7 @@ const HEAD_MAX: usize = 16 * 1024;
 /// Maximum length of the body, bytes.
 const BODY_MAX: usize = 4 * 1024;
 /// Maximum time for a request to arrive.
-pub const PATIENCE: Duration = Duration::from_secs(5);
+pub const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// A request.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,21 +47,21 @@ impl Request {
 
 /// Why a request cannot be served.
 #[derive(Debug)]
-pub enum Bad {
+pub enum RequestError {
     /// Answer with this status and text.
-    Answer(u16, &'static str),
+    Rejected(u16, &'static str),
     /// The connection is closed; no answer is possible.
-    Gone,
+    Disconnected,
 }
 
-impl From<io::Error> for Bad {
-    fn from(_: io::Error) -> Bad {
-        Bad::Gone
+impl From<io::Error> for RequestError {
+    fn from(_: io::Error) -> RequestError {
+        RequestError::Disconnected
     }
 }
 
 /// Reads one request, and tolerates any input.
-pub fn read(stream: &mut impl Read, until: Instant) -> Result<Request, Bad> {
+pub fn read_request(stream: &mut impl Read, until: Instant) -> Result<Request, RequestError> {
     let mut bytes = Vec::new();
     let mut chunk = [0; 2048];
     let end = loop {
@@ -69,37 +69,39 @@ pub fn read(stream: &mut impl Read, until: Instant) -> Result<Request, Bad> {
             break end;
         }
         if bytes.len() > HEAD_MAX {
-            return Err(Bad::Answer(431, "the head of the request is too long"));
+            return Err(RequestError::Rejected(431, "the head of the request is too long"));
         }
         if Instant::now() > until {
-            return Err(Bad::Answer(408, "the request took too long"));
+            return Err(RequestError::Rejected(408, "the request took too long"));
         }
         match stream.read(&mut chunk)? {
-            0 => return Err(Bad::Gone),
+            0 => return Err(RequestError::Disconnected),
             count => bytes.extend_from_slice(&chunk[..count]),
         }
     };
-    let mut request = head(&bytes[..end])?;
+    let mut request = parse_head(&bytes[..end])?;
     let length = match request.header("content-length") {
-        _ if request.has("transfer-encoding") => return Err(Bad::Answer(501, "a body comes with its length")),
-        None if request.has("content-length") => return Err(Bad::Answer(400, "two lengths")),
+        _ if request.has("transfer-encoding") => {
+            return Err(RequestError::Rejected(501, "a body comes with its length"));
+        }
+        None if request.has("content-length") => return Err(RequestError::Rejected(400, "two lengths")),
         None => 0,
         Some(text) => {
             let plain = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
             let length = text.parse::<usize>().ok().filter(|_| plain);
-            length.ok_or(Bad::Answer(400, "the length is not a number"))?
+            length.ok_or(RequestError::Rejected(400, "the length is not a number"))?
         }
     };
     if length > BODY_MAX {
-        return Err(Bad::Answer(413, "the body is too long"));
+        return Err(RequestError::Rejected(413, "the body is too long"));
     }
     request.body = bytes.split_off(end + 4);
     while request.body.len() < length {
         if Instant::now() > until {
-            return Err(Bad::Answer(408, "the request took too long"));
+            return Err(RequestError::Rejected(408, "the request took too long"));
         }
         match stream.read(&mut chunk)? {
-            0 => return Err(Bad::Gone),
+            0 => return Err(RequestError::Disconnected),
             count => request.body.extend_from_slice(&chunk[..count]),
         }
     }
@@ -107,28 +109,28 @@ pub fn read(stream: &mut impl Read, until: Instant) -> Result<Request, Bad> {
     Ok(request)
 }
 
-fn head(bytes: &[u8]) -> Result<Request, Bad> {
-    let odd = Bad::Answer(400, "the request is malformed");
+fn parse_head(bytes: &[u8]) -> Result<Request, RequestError> {
+    let malformed = RequestError::Rejected(400, "the request is malformed");
     let Ok(text) = std::str::from_utf8(bytes) else {
-        return Err(odd);
+        return Err(malformed);
     };
     let mut lines = text.split("\r\n");
     let first: Vec<&str> = lines.next().unwrap_or_default().split(' ').collect();
     let [method, target, version] = first[..] else {
-        return Err(odd);
+        return Err(malformed);
     };
     let token = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_".contains(&b));
     let plain = target.starts_with('/') && target.bytes().all(|byte| byte.is_ascii_graphic());
     if !token(method) || !plain || !matches!(version, "HTTP/1.1" | "HTTP/1.0") {
-        return Err(odd);
+        return Err(malformed);
     }
     let mut headers = Vec::new();
     for line in lines {
         let Some((name, value)) = line.split_once(':').filter(|(name, _)| token(name)) else {
-            return Err(odd);
+            return Err(malformed);
         };
         if value.bytes().any(|byte| byte < b' ' && byte != b'\t') {
-            return Err(odd);
+            return Err(malformed);
         }
         headers.push((name.to_ascii_lowercase(), value.trim().to_owned()));
     }
@@ -143,7 +145,7 @@ fn head(bytes: &[u8]) -> Result<Request, Bad> {
 }
 
 /// Writes an answer. Its headers forbid other pages to cache, sniff, frame or read it.
-pub fn answer(stream: &mut impl Write, status: u16, kind: &str, body: &[u8]) -> io::Result<()> {
+pub fn write_response(stream: &mut impl Write, status: u16, kind: &str, body: &[u8]) -> io::Result<()> {
     let reason = match status {
         200 => "OK",
         204 => "No Content",
@@ -184,21 +186,21 @@ pub fn answer(stream: &mut impl Write, status: u16, kind: &str, body: &[u8]) -> 
 mod tests {
     use super::*;
 
-    fn of(text: &[u8]) -> Result<Request, Bad> {
-        read(&mut &text[..], Instant::now() + PATIENCE)
+    fn parse(text: &[u8]) -> Result<Request, RequestError> {
+        read_request(&mut &text[..], Instant::now() + REQUEST_TIMEOUT)
     }
 
     fn status(text: &[u8]) -> u16 {
-        match of(text) {
+        match parse(text) {
             Ok(_) => 200,
-            Err(Bad::Answer(status, _)) => status,
-            Err(Bad::Gone) => 0,
+            Err(RequestError::Rejected(status, _)) => status,
+            Err(RequestError::Disconnected) => 0,
         }
     }
 
     #[test]
-    fn a_request_is_taken_apart() {
-        let request = of(b"POST /a/b?x=1&y= HTTP/1.1\r\nHost: h\r\ncontent-LENGTH: 3\r\n\r\nabcdef").unwrap();
+    fn request_is_parsed_into_its_parts() {
+        let request = parse(b"POST /a/b?x=1&y= HTTP/1.1\r\nHost: h\r\ncontent-LENGTH: 3\r\n\r\nabcdef").unwrap();
         assert_eq!((request.method.as_str(), request.path.as_str()), ("POST", "/a/b"));
         assert_eq!(
             (request.parameter("x"), request.parameter("y"), request.parameter("z")),
@@ -208,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_malformed_is_refused() {
+    fn malformed_request_is_rejected() {
         for text in [
             &b"GET\r\n\r\n"[..],
             b"GET / HTTP/2\r\n\r\n",
@@ -233,12 +235,12 @@ mod tests {
         assert_eq!(status(b"POST / HTTP/1.1\r\nContent-Length: 5000\r\n\r\n"), 413);
         assert_eq!(status(&[b'a'; 20_000]), 431);
         assert_eq!(status(b"GET / HTTP/1.1\r\n"), 0, "nobody is there any more");
-        let late = read(&mut &b"GET / HT"[..], Instant::now() - PATIENCE);
-        assert!(matches!(late, Err(Bad::Answer(408, _))), "{late:?}");
+        let late = read_request(&mut &b"GET / HT"[..], Instant::now() - REQUEST_TIMEOUT);
+        assert!(matches!(late, Err(RequestError::Rejected(408, _))), "{late:?}");
     }
 
     #[test]
-    fn no_bytes_make_it_panic() {
+    fn request_parser_never_panics() {
         let stream = lockstep::random::Stream::new(7, "http");
         let good = b"POST /t/control?x=1 HTTP/1.1\r\nHost: 127.0.0.1:1\r\nContent-Length: 2\r\n\r\n{}".to_vec();
         for round in 0..20_000_u64 {
@@ -252,7 +254,7 @@ mod tests {
                     _ => text.insert(at, (draw >> 40) as u8),
                 }
             }
-            let _ = of(&text);
+            let _ = parse(&text);
         }
     }
 }

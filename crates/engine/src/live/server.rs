@@ -17,29 +17,29 @@ use report::view::Views;
 use serde_json::{Value, json};
 
 use super::Steering;
-use super::http::{self, Bad, Request};
+use super::http::{self, Request, RequestError};
 use super::pages::Pages;
 use super::steering::{Course, LiveCommand};
 
 /// Maximum number of requests of our own page served at once; more are rejected.
-const CONNECTIONS: usize = 16;
+const CONNECTIONS_MAX: usize = 16;
 /// Maximum number of connections that have not yet sent our address. A new one closes the oldest: a page sends its request
 /// at once, so silent connections cannot block it.
-const SILENT: usize = 64;
+const SILENT_MAX: usize = 64;
 /// Maximum time for a browser to accept an answer.
-const WRITE: Duration = Duration::from_secs(5);
+const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Maximum time that the end waits for pages to fetch the result.
-const FAREWELL: Duration = Duration::from_secs(5);
+const RESULT_TIMEOUT: Duration = Duration::from_secs(5);
 /// After reading the run the server pauses for this multiple of the time that the reading took, for any number of pages:
 /// reading takes at most a tenth of a core. Building the answers comes on top, once for each request.
-const RESTS: u32 = 9;
+const PAUSE_FACTOR: u32 = 9;
 const JSON: &str = "application/json";
 const HTML: &str = "text/html";
 const TEXT: &str = "text/plain";
 
 /// The report of the run, and the earliest time of the next reading.
 #[derive(Default)]
-struct Watched {
+struct LiveReport {
     live: Option<Live>,
     not_before: Option<Instant>,
 }
@@ -50,7 +50,7 @@ struct Shared {
     steering: Arc<Steering>,
     views: Vec<Views>,
     /// Opened at the first request of a page.
-    live: Mutex<Watched>,
+    live: Mutex<LiveReport>,
     result: Mutex<Option<Arc<Vec<u8>>>>,
     pages: Mutex<Pages>,
     connections: AtomicUsize,
@@ -79,7 +79,7 @@ impl Server {
             token: bits.iter().map(|byte| format!("{byte:02x}")).collect(),
             steering,
             views: views.to_vec(),
-            live: Mutex::new(Watched::default()),
+            live: Mutex::new(LiveReport::default()),
             result: Mutex::new(None),
             pages: Mutex::default(),
             connections: AtomicUsize::new(0),
@@ -100,14 +100,14 @@ impl Server {
     /// Called when the run folder is complete. Waits for open pages to fetch the result, for a bounded time.
     pub fn finish(&self, how: String) {
         // The result is built here, with the priority of the run; the server's threads have a lower one.
-        if locked(&self.shared.pages).wait(Instant::now()) {
-            let _ = self.shared.whole();
+        if locked(&self.shared.pages).has_pending(Instant::now()) {
+            let _ = self.shared.finished_data();
         }
         self.shared.steering.end(how);
         let since = Instant::now();
         // An answer in transmission may be the result, or a page that will ask for it.
         let busy = || self.shared.connections.load(Ordering::Relaxed) > 0;
-        while since.elapsed() < FAREWELL && (busy() || locked(&self.shared.pages).wait(Instant::now())) {
+        while since.elapsed() < RESULT_TIMEOUT && (busy() || locked(&self.shared.pages).has_pending(Instant::now())) {
             std::thread::sleep(Duration::from_millis(5));
         }
     }
@@ -123,7 +123,7 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
             continue;
         };
         let _ = stream.set_read_timeout(Some(Duration::from_secs(1)));
-        let _ = stream.set_write_timeout(Some(WRITE));
+        let _ = stream.set_write_timeout(Some(WRITE_TIMEOUT));
         if !peer.ip().is_loopback() {
             continue;
         }
@@ -141,28 +141,28 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
 }
 
 /// An answer: status, content type, body.
-type Answer = (u16, &'static str, Vec<u8>);
+type Response = (u16, &'static str, Vec<u8>);
 
 fn serve(stream: &mut TcpStream, number: u64, shared: &Shared) {
-    let request = match http::read(stream, Instant::now() + http::PATIENCE) {
+    let request = match http::read_request(stream, Instant::now() + http::REQUEST_TIMEOUT) {
         Ok(request) => request,
-        Err(Bad::Answer(status, text)) => {
-            let _ = http::answer(stream, status, TEXT, format!("{text}\n").as_bytes());
+        Err(RequestError::Rejected(status, text)) => {
+            let _ = http::write_response(stream, status, TEXT, format!("{text}\n").as_bytes());
             return;
         }
-        Err(Bad::Gone) => return,
+        Err(RequestError::Disconnected) => return,
     };
-    let below = match allowed(&request, shared) {
+    let subpath = match authorize(&request, shared) {
         Err((status, text)) => {
             let _ = write_within(stream, status, TEXT, format!("{text}\n").as_bytes());
             return;
         }
-        Ok(below) => below,
+        Ok(subpath) => subpath,
     };
     shared.remove_silent(number);
     let busy = shared.connections.fetch_add(1, Ordering::Relaxed);
-    let (status, kind, body) = if busy < CONNECTIONS {
-        route(&request, below, shared)
+    let (status, kind, body) = if busy < CONNECTIONS_MAX {
+        route(&request, subpath, shared)
     } else {
         text(503, "too many connections")
     };
@@ -179,8 +179,8 @@ fn serve(stream: &mut TcpStream, number: u64, shared: &Shared) {
 /// ever.
 fn write_within(stream: &mut TcpStream, status: u16, kind: &str, body: &[u8]) -> io::Result<()> {
     let mut bytes = Vec::with_capacity(body.len() + 1024);
-    http::answer(&mut bytes, status, kind, body)?;
-    let until = Instant::now() + WRITE;
+    http::write_response(&mut bytes, status, kind, body)?;
+    let until = Instant::now() + WRITE_TIMEOUT;
     let mut rest = &bytes[..];
     while !rest.is_empty() {
         let left = until.saturating_duration_since(Instant::now());
@@ -201,17 +201,17 @@ fn write_within(stream: &mut TcpStream, status: u16, kind: &str, body: &[u8]) ->
 }
 
 /// The path after the token, for a request that may be answered.
-fn allowed<'a>(request: &'a Request, shared: &Shared) -> Result<&'a str, (u16, &'static str)> {
+fn authorize<'a>(request: &'a Request, shared: &Shared) -> Result<&'a str, (u16, &'static str)> {
     let port = shared.port;
     let ours = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
     if !request
         .header("host")
-        .is_some_and(|host| ours.iter().any(|own| own == host))
+        .is_some_and(|host| ours.iter().any(|known| known == host))
     {
         return Err((403, "this server answers to 127.0.0.1 alone"));
     }
     let origin = request.header("origin");
-    let from_us = origin.is_some_and(|origin| ours.iter().any(|own| origin.strip_prefix("http://") == Some(own)));
+    let from_us = origin.is_some_and(|origin| ours.iter().any(|host| origin.strip_prefix("http://") == Some(host)));
     if (request.has("origin") || request.method != "GET") && !from_us {
         return Err((403, "this request comes from another page"));
     }
@@ -220,7 +220,7 @@ fn allowed<'a>(request: &'a Request, shared: &Shared) -> Result<&'a str, (u16, &
     }
     let mut parts = request.path.splitn(3, '/').skip(1);
     let token = parts.next().unwrap_or_default();
-    if !same(token.as_bytes(), shared.token.as_bytes()) {
+    if !constant_time_eq(token.as_bytes(), shared.token.as_bytes()) {
         return Err((
             404,
             "there is nothing here: use the whole address that the run has printed",
@@ -230,7 +230,7 @@ fn allowed<'a>(request: &'a Request, shared: &Shared) -> Result<&'a str, (u16, &
 }
 
 /// Compares two texts in constant time.
-fn same(a: &[u8], b: &[u8]) -> bool {
+fn constant_time_eq(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(0, |difference, (x, y)| difference | (x ^ y)) == 0
 }
 
@@ -239,14 +239,14 @@ fn page_id(request: &Request) -> Option<&str> {
     (id.len() <= 32 && id.bytes().all(|byte| byte.is_ascii_alphanumeric())).then_some(id)
 }
 
-fn text(status: u16, text: &str) -> Answer {
+fn text(status: u16, text: &str) -> Response {
     (status, TEXT, format!("{text}\n").into_bytes())
 }
 
-fn route(request: &Request, below: &str, shared: &Shared) -> Answer {
-    match (request.method.as_str(), below) {
+fn route(request: &Request, subpath: &str, shared: &Shared) -> Response {
+    match (request.method.as_str(), subpath) {
         ("GET", "") => shared.page(),
-        ("GET", "news") => shared.news(request),
+        ("GET", "news") => shared.updates(request),
         ("GET", "result") => shared.result(),
         ("POST", "control") => shared.control(request),
         (_, "" | "news" | "result" | "control") => text(405, "not with this method"),
@@ -255,7 +255,7 @@ fn route(request: &Request, below: &str, shared: &Shared) -> Answer {
 }
 
 /// CPU time of this thread: on a loaded machine, wall-clock time would lengthen the pauses.
-fn computed() -> Duration {
+fn thread_cpu_time() -> Duration {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::new(
         now.tv_sec.unsigned_abs(),
@@ -264,7 +264,8 @@ fn computed() -> Duration {
 }
 
 /// The page before the first sample.
-const SOON: &[u8] = b"<!DOCTYPE html><meta charset=utf-8><meta http-equiv=refresh content=1><title>Escapement</title>\
+const WAITING_PAGE: &[u8] =
+    b"<!DOCTYPE html><meta charset=utf-8><meta http-equiv=refresh content=1><title>Escapement</title>\
 <body style='font-family:system-ui;margin:4rem;color:#667'>The run is about to begin.";
 
 impl Shared {
@@ -272,7 +273,7 @@ impl Shared {
     fn add_silent(&self, number: u64, stream: TcpStream) {
         let mut silent = locked(&self.silent);
         silent.push_back((number, stream));
-        if silent.len() > SILENT
+        if silent.len() > SILENT_MAX
             && let Some((_, oldest)) = silent.pop_front()
         {
             // The thread of that connection reads end of file, and ends.
@@ -293,35 +294,35 @@ impl Shared {
         let Some(course) = self.steering.course() else {
             return Ok(None);
         };
-        let mut watched = locked(&self.live);
+        let mut report_state = locked(&self.live);
         // A request that comes too early waits here, and so do all behind it: the load on the run is bounded, however many
         // pages ask.
-        if let Some(rest) = watched
+        if let Some(rest) = report_state
             .not_before
             .map(|when| when.saturating_duration_since(Instant::now()))
         {
             std::thread::sleep(rest);
         }
-        let began = computed();
-        if watched.live.is_none() {
+        let began = thread_cpu_time();
+        if report_state.live.is_none() {
             let duration = course.plan.timebase.seconds(course.plan.end);
-            watched.live = Some(Live::open(&course.folder, duration, &self.views)?);
+            report_state.live = Some(Live::open(&course.folder, duration, &self.views)?);
         }
-        let live = watched.live.as_mut().expect("just made");
+        let live = report_state.live.as_mut().expect("just made");
         let done = match live.is_ready() {
             Ok(true) => act(live, course).map(Some),
             Ok(false) => Ok(None),
             Err(error) => Err(error),
         };
-        watched.not_before = Some(Instant::now() + computed().saturating_sub(began) * RESTS);
+        report_state.not_before = Some(Instant::now() + thread_cpu_time().saturating_sub(began) * PAUSE_FACTOR);
         done
     }
 
-    fn page(&self) -> Answer {
+    fn page(&self) -> Response {
         let about = |course: &Course| {
-            let own = course.plan.participants.iter();
-            let participants: Vec<Value> = own
-                .map(|own| json!({ "name": own.name, "period_s": own.period.seconds() }))
+            let participants = course.plan.participants.iter();
+            let participants: Vec<Value> = participants
+                .map(|participant| json!({ "name": participant.name, "period_s": participant.period.seconds() }))
                 .collect();
             json!({
                 "participants": participants,
@@ -333,13 +334,17 @@ impl Shared {
             Ok(page) => page,
             Err(error) => return text(500, &error.to_string()),
         };
-        locked(&self.pages).send(page.is_none(), Instant::now());
-        (200, HTML, page.map_or_else(|| SOON.to_vec(), String::into_bytes))
+        locked(&self.pages).page_sent(page.is_none(), Instant::now());
+        (
+            200,
+            HTML,
+            page.map_or_else(|| WAITING_PAGE.to_vec(), String::into_bytes),
+        )
     }
 
-    fn news(&self, request: &Request) -> Answer {
+    fn updates(&self, request: &Request) -> Response {
         if let Some(id) = page_id(request) {
-            locked(&self.pages).hear(id, Instant::now());
+            locked(&self.pages).request_received(id, Instant::now());
         }
         let have = request.parameter("have").unwrap_or_default();
         let have: Vec<u64> = have.split('-').filter_map(|number| number.parse().ok()).collect();
@@ -356,18 +361,18 @@ impl Shared {
     }
 
     /// The data of the page of the finished run.
-    fn result(&self) -> Answer {
+    fn result(&self) -> Response {
         if self.steering.ended().is_none() {
             return text(409, "the run is not over");
         }
-        match self.whole() {
+        match self.finished_data() {
             Ok(bytes) => (200, JSON, bytes.to_vec()),
             Err(reason) => text(500, &reason),
         }
     }
 
     /// The data of a run whose folder is complete; built once.
-    fn whole(&self) -> Result<Arc<Vec<u8>>, String> {
+    fn finished_data(&self) -> Result<Arc<Vec<u8>>, String> {
         let course = self.steering.course().ok_or("there was no run")?;
         let mut result = locked(&self.result);
         if let Some(made) = &*result {
@@ -377,7 +382,7 @@ impl Shared {
         Ok(result.insert(Arc::new(data.to_string().into_bytes())).clone())
     }
 
-    fn control(&self, request: &Request) -> Answer {
+    fn control(&self, request: &Request) -> Response {
         if request.header("content-type") != Some(JSON) {
             return text(415, "a command comes as application/json");
         }

@@ -139,9 +139,9 @@ impl Steering {
                 let number = plan
                     .participant(name)
                     .ok_or_else(|| format!("there is no participant `{name}`"))?;
-                let own = plan.participants[number].sample_time;
+                let sample_time = plan.participants[number].sample_time;
                 // The first activation that has not happened yet; the step includes all other activations at that instant.
-                own.instant(own.count_before(granted)).saturating_add(1)
+                sample_time.instant(sample_time.count_before(granted)).saturating_add(1)
             }
             LiveCommand::StepBy(time) if time.is_positive() => {
                 let ticks = plan.timebase.ceil(*time).map_err(|error| error.to_string())?;

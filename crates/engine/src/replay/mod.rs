@@ -20,7 +20,7 @@ use tape::{ReadError, Reader, Selection, Source, is_file};
 use crate::run::{Ending, Options, Run, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioError, ScenarioSpec};
 use crate::scope::{Scope, ScopeError};
-use reduce::{Cast, reduce};
+use reduce::{StandIns, reduce};
 
 pub use request::Request;
 
@@ -76,7 +76,7 @@ pub struct Replay {
     participant: String,
     scenario: Scenario,
     notes: Vec<String>,
-    branched: Option<Branched>,
+    branch: Option<BranchInfo>,
 }
 
 impl Replay {
@@ -96,9 +96,9 @@ impl Replay {
             verified => verified?,
         }
         let mut spec = ScenarioSpec::read(&file, request.overrides)?;
-        let cast = reduce(&mut spec, request, &reader).map_err(ReplayError::Misfit)?;
+        let stand_ins = reduce(&mut spec, request, &reader).map_err(ReplayError::Misfit)?;
         let mut scenario = Scenario::of(request.catalogue, spec.clone(), &file)?;
-        check_sample_times(&scenario, &reader, request.participant, &cast)?;
+        check_sample_times(&scenario, &reader, request.participant, &stand_ins)?;
         let made = scenario.make()?;
         let all = &scenario.participants;
         let at = all.iter().position(|entry| entry.setup.name == request.participant);
@@ -110,10 +110,10 @@ impl Replay {
         if let Some(interface) = &interfaces[at] {
             check_outputs(interface, &reader, request.participant)?;
         }
-        let reach = reach(&scenario, &interfaces, &reader, at, &cast)?;
-        let end = reach.end.min(request.to.unwrap_or(reach.end)).min(scenario.duration);
+        let limit = find_end(&scenario, &interfaces, &reader, at, &stand_ins)?;
+        let end = limit.end.min(request.to.unwrap_or(limit.end)).min(scenario.duration);
         if end < scenario.duration {
-            notes.extend(reach.note.filter(|_| end == reach.end));
+            notes.extend(limit.note.filter(|_| end == limit.end));
             spec.duration = end.into();
             scenario = Scenario::of(request.catalogue, spec, &file)?;
         }
@@ -123,9 +123,9 @@ impl Replay {
             participant: request.participant.to_owned(),
             reader,
             notes,
-            branched: changed_at.and_then(|at| at.parse().ok()).map(|at| Branched {
+            branch: changed_at.and_then(|at| at.parse().ok()).map(|at| BranchInfo {
                 at,
-                as_it_was: request.overrides.is_empty() && request.program.is_none() && request.run.is_none(),
+                unchanged: request.overrides.is_empty() && request.program.is_none() && request.run.is_none(),
             }),
         })
     }
@@ -152,17 +152,17 @@ impl Replay {
             .clone();
         let duration_s = self.scenario.duration.seconds();
         let mut run = Run::begin(Arc::new(self.scenario), options, false)?;
-        run.repeat_inputs(&self.reader.events()?)?;
+        run.replay_inputs(&self.reader.events()?)?;
         let outcome = run.finish();
         let replayed = Reader::open(&out)?;
         let mut notes = self.notes;
-        let own = |reader: &Reader| -> Vec<(usize, u64)> {
+        let subject_streams = |reader: &Reader| -> Vec<(usize, u64)> {
             let all = reader.streams().iter().enumerate();
-            let own = all.filter(|(_, spec)| spec.participant == self.participant);
-            own.map(|(stream, _)| (stream, reader.count(stream))).collect()
+            let streams = all.filter(|(_, spec)| spec.participant == self.participant);
+            streams.map(|(stream, _)| (stream, reader.count(stream))).collect()
         };
         // Both are compared as far as both have samples; a note reports where one of them has more.
-        let (mut recording, mut replay) = (own(&self.reader), own(&replayed));
+        let (mut recording, mut replay) = (subject_streams(&self.reader), subject_streams(&replayed));
         let to_s = match outcome.ending {
             Ending::Complete => duration_s,
             _ => newest_s(&replayed, &replay),
@@ -170,10 +170,10 @@ impl Replay {
         let uncompared = uncompared(&self.participant, &recording, to_s);
         replay.retain_mut(|(at, count)| {
             let spec = &replayed.streams()[*at];
-            let twin = recording
+            let recorded_stream = recording
                 .iter_mut()
                 .find(|(stream, _)| self.reader.streams()[*stream].port == spec.port);
-            let Some((_, recorded)) = twin else {
+            let Some((_, recorded)) = recorded_stream else {
                 notes.push(format!("{} is not on the tape, so it was not compared", spec.name()));
                 return false;
             };
@@ -189,8 +189,8 @@ impl Replay {
             &Selection::new(&self.reader, recording),
             &Selection::new(&replayed, replay),
         )?;
-        if let (Some(branched), Some(first)) = (&self.branched, &comparison.first) {
-            notes.push(branched.differs(&self.reader, &self.participant, first.stamp_s)?);
+        if let (Some(branch), Some(first)) = (&self.branch, &comparison.first) {
+            notes.push(branch.explain_difference(&self.reader, &self.participant, first.stamp_s)?);
         }
         if let Some(difference) = comparison.streams.first() {
             return Err(ReplayError::Misfit(format!(
@@ -234,23 +234,23 @@ fn uncompared(participant: &str, recording: &[(usize, u64)], to_s: f64) -> Strin
 }
 
 /// A run that was resumed with changes: before these, a different plan from its `plan.toml` applied.
-struct Branched {
+struct BranchInfo {
     /// The instant from which on the plan is that of the run.
     at: Rational,
     /// Whether the run is replayed without changes.
-    as_it_was: bool,
+    unchanged: bool,
 }
 
-impl Branched {
+impl BranchInfo {
     /// The note for a replay that differs from `first` on, in seconds.
     ///
     /// # Errors
     /// When only the other plan can be the reason.
-    fn differs(&self, reader: &Reader, participant: &str, first: f64) -> Result<String, ReplayError> {
+    fn explain_difference(&self, reader: &Reader, participant: &str, first: f64) -> Result<String, ReplayError> {
         let at = self.at;
         let why =
             format!("the run was resumed with changes at t = {at}: up to then it had another plan than its plan.toml");
-        if !self.as_it_was || first >= at.seconds() {
+        if !self.unchanged || first >= at.seconds() {
             return Ok(why);
         }
         Err(ReplayError::Misfit(format!(
@@ -262,12 +262,17 @@ impl Branched {
 }
 
 /// Checks that the sample times on the tape match the plan.
-fn check_sample_times(scenario: &Scenario, reader: &Reader, subject: &str, cast: &Cast) -> Result<(), ReplayError> {
+fn check_sample_times(
+    scenario: &Scenario,
+    reader: &Reader,
+    subject: &str,
+    stand_ins: &StandIns,
+) -> Result<(), ReplayError> {
     for spec in reader.streams() {
         let entry = |name: &str| scenario.participants.iter().find(|entry| entry.setup.name == name);
         // Participants that the replay has named itself are not on the tape.
-        let own = [&cast.recorded, &cast.heard].contains(&&spec.participant);
-        let Some(entry) = entry(&spec.participant).filter(|_| !own) else {
+        let is_stand_in = [&stand_ins.own_player, &stand_ins.listener].contains(&&spec.participant);
+        let Some(entry) = entry(&spec.participant).filter(|_| !is_stand_in) else {
             continue;
         };
         if spec.first_index > 0 {
@@ -280,14 +285,14 @@ fn check_sample_times(scenario: &Scenario, reader: &Reader, subject: &str, cast:
             )));
         }
         if (entry.period, entry.offset) != (spec.period, spec.offset) {
-            let who = &spec.participant;
-            let remedy = if who == subject {
+            let name = &spec.participant;
+            let remedy = if name == subject {
                 "its samples could not be compared"
             } else {
                 "its samples could not be played"
             };
             return Err(ReplayError::Misfit(format!(
-                "participants.{who}: period {} and offset {}, but the tape was recorded with {} and {}: {remedy}",
+                "participants.{name}: period {} and offset {}, but the tape was recorded with {} and {}: {remedy}",
                 entry.period, entry.offset, spec.period, spec.offset
             )));
         }
@@ -317,71 +322,71 @@ fn check_outputs(interface: &Interface, reader: &Reader, subject: &str) -> Resul
 }
 
 /// How far a tape can feed a participant.
-struct Reach {
+struct ReplayEnd {
     /// No activation at or after this instant can be replayed.
     end: Rational,
     /// The reason, if it is the tape.
     note: Option<String>,
 }
 
-fn reach(
+fn find_end(
     scenario: &Scenario,
     interfaces: &[Option<Interface>],
     reader: &Reader,
     subject: usize,
-    cast: &Cast,
-) -> Result<Reach, ReplayError> {
+    stand_ins: &StandIns,
+) -> Result<ReplayEnd, ReplayError> {
     let plan = scenario.sketch(interfaces)?;
-    let own = &plan.participants[subject];
-    let far = || {
+    let planned = &plan.participants[subject];
+    let overflow = || {
         ReplayError::Misfit(format!(
             "{}: a time that needs more than 63 bits",
             reader.dir().display()
         ))
     };
     let instant = |period: Rational, offset: Rational, k: u64| {
-        let k = i64::try_from(k).map_err(|_| far())?;
-        let since = period.checked_mul(k).ok_or_else(far)?;
-        since.checked_add(offset).ok_or_else(far)
+        let k = i64::try_from(k).map_err(|_| overflow())?;
+        let since = period.checked_mul(k).ok_or_else(overflow)?;
+        since.checked_add(offset).ok_or_else(overflow)
     };
-    let mut reach = Reach {
+    let mut limit = ReplayEnd {
         end: scenario.duration,
         note: None,
     };
-    for link in own.inputs.iter().flatten() {
+    for link in planned.inputs.iter().flatten() {
         let from = plan.links[*link].from;
         let producer = &plan.participants[from.0];
-        let itself = producer.name == cast.recorded;
-        let played = if itself { &own.name } else { &producer.name };
+        let itself = producer.name == stand_ins.own_player;
+        let played = if itself { &planned.name } else { &producer.name };
         let name = format!("{played}.{}", producer.interface.outputs[from.1].name);
         let count = reader.count(reader.stream(&name)?);
         let mut schedule = plan.schedule(*link);
-        let missing = (0..own.activations).find_map(|k| {
+        let missing = (0..planned.activations).find_map(|k| {
             let index = schedule.advance().samples().find(|&index| index >= count)?;
             Some((k, index))
         });
         let Some((k, index)) = missing else { continue };
-        let at = instant(own.period, own.offset, k)?;
+        let at = instant(planned.period, planned.offset, k)?;
         if k == 0 {
             return Err(ReplayError::Misfit(format!(
                 "{}: the tape has {count} samples of `{name}`, and the first activation of `{}` reads sample {index}: \
                  nothing can be replayed",
                 reader.dir().display(),
-                own.name
+                planned.name
             )));
         }
-        if at < reach.end {
-            reach.end = at;
-            reach.note = Some(format!(
+        if at < limit.end {
+            limit.end = at;
+            limit.note = Some(format!(
                 "the tape has {count} samples of {name}: what `{}` reads at t = {at} is not on it, so the replay ends there",
-                own.name
+                planned.name
             ));
         }
     }
     // For a run that ended early and whose inputs do not end the replay, the replay ends a little after the end of the tape, so
     // that an activation whose samples never reached the tape is repeated too.
     let mut newest = Rational::ZERO;
-    let mut margin = own.period;
+    let mut margin = planned.period;
     for (stream, spec) in reader.streams().iter().enumerate() {
         let last = reader.count(stream).saturating_sub(1);
         newest = newest.max(instant(spec.period, spec.offset, last)?);
@@ -389,13 +394,13 @@ fn reach(
     }
     let end = newest
         .checked_add(margin)
-        .and_then(|end| end.checked_add(own.period))
-        .ok_or_else(far)?;
-    if end < reach.end {
-        reach.end = end;
-        reach.note = Some(format!(
+        .and_then(|end| end.checked_add(planned.period))
+        .ok_or_else(overflow)?;
+    if end < limit.end {
+        limit.end = end;
+        limit.note = Some(format!(
             "the tape ends at t = {newest}, and the replay a little later, at t = {end}"
         ));
     }
-    Ok(reach)
+    Ok(limit)
 }

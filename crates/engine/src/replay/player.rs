@@ -146,7 +146,7 @@ struct Player {
 
 impl Player {
     /// After the end of the tape the last value is repeated: it is never read, because the replay ends before.
-    fn say(&mut self, index: u64, outputs: &mut Outputs) -> Result<(), Failure> {
+    fn publish(&mut self, index: u64, outputs: &mut Outputs) -> Result<(), Failure> {
         for (port, track) in self.tracks.iter_mut().enumerate() {
             if let Some(payload) = track.payload(&self.reader, index)? {
                 outputs.bytes_mut(port).copy_from_slice(payload);
@@ -185,15 +185,15 @@ impl Participant for Player {
 
     fn initialise(&mut self, _: f64, outputs: &mut Outputs) -> Result<(), Failure> {
         match self.role {
-            Role::Continuous => self.say(0, outputs),
+            Role::Continuous => self.publish(0, outputs),
             Role::Sampled | Role::Listener => Ok(()),
         }
     }
 
     fn step(&mut self, step: &Step, _: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         match self.role {
-            Role::Continuous => self.say(step.index + 1, outputs),
-            Role::Sampled => self.say(step.index, outputs),
+            Role::Continuous => self.publish(step.index + 1, outputs),
+            Role::Sampled => self.publish(step.index, outputs),
             Role::Listener => Ok(()),
         }
     }

@@ -11,24 +11,24 @@ use crate::scenario::{
     ConnectionSpec, Entries, FaultSpec, ParticipantSpec, RunSpec, ScenarioSpec, fault_name, port_of,
 };
 
-/// The names of the participants that stand in for others in a replay.
+/// The names of the participants that replace others in a replay.
 #[derive(Debug, Default)]
-pub(super) struct Cast {
+pub(super) struct StandIns {
     subject: String,
     /// The player of the participant's own outputs, if it feeds itself.
-    pub(super) recorded: String,
+    pub(super) own_player: String,
     /// The listener to the participant's outputs.
-    pub(super) heard: String,
+    pub(super) listener: String,
 }
 
-impl Cast {
+impl StandIns {
     /// Names that none of `participants` has.
-    fn beside(subject: &str, participants: &Entries<ParticipantSpec>) -> Cast {
-        let free = |name: &str| unused(name, |name| participants.contains_key(name));
-        Cast {
+    fn with_unused_names(subject: &str, participants: &Entries<ParticipantSpec>) -> StandIns {
+        let free = |name: &str| unused_name(name, |name| participants.contains_key(name));
+        StandIns {
             subject: subject.to_owned(),
-            recorded: free("recorded"),
-            heard: free("heard"),
+            own_player: free("recorded"),
+            listener: free("heard"),
         }
     }
 
@@ -36,7 +36,7 @@ impl Cast {
     /// participant feeds itself.
     fn player(&self, producer: &str) -> String {
         if producer == self.subject {
-            self.recorded.clone()
+            self.own_player.clone()
         } else {
             producer.to_owned()
         }
@@ -44,21 +44,21 @@ impl Cast {
 }
 
 /// `name`, or `name` with a number appended if it is taken.
-fn unused(name: &str, taken: impl Fn(&str) -> bool) -> String {
+fn unused_name(name: &str, taken: impl Fn(&str) -> bool) -> String {
     let numbered = (2_u32..).map(|number| format!("{name}-{number}"));
     let mut names = std::iter::once(name.to_owned()).chain(numbered);
     names.find(|name| !taken(name)).expect("numbers do not end")
 }
 
 /// Reduces a plan to the one participant, the connections into it, and players for the participants that feed it.
-pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Reader) -> Result<Cast, String> {
+pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Reader) -> Result<StandIns, String> {
     let subject = request.participant;
     if let Some(run) = request.run.filter(|_| spec.participants.contains_key(subject)) {
         let set = spec.set_run(subject, run, "given with --shadow");
         set.map_err(|error| error.to_string())?;
     }
     let participants = std::mem::take(&mut spec.participants);
-    let Some(own) = participants.get(subject) else {
+    let Some(subject_spec) = participants.get(subject) else {
         let known: Vec<String> = participants.keys().map(|name| format!("`{name}`")).collect();
         let run = request.folder.display();
         return Err(format!(
@@ -68,18 +68,20 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
     };
     let inputs_of = format!("{subject}.");
     spec.inputs.retain(|port| port.starts_with(&inputs_of));
-    let cast = Cast::beside(subject, &participants);
-    let mut own = own.clone();
+    let stand_ins = StandIns::with_unused_names(subject, &participants);
+    let mut subject_spec = subject_spec.clone();
     if let Some((exe, args)) = request.program {
-        substitute(spec, &mut own, exe, args)?;
+        substitute(spec, &mut subject_spec, exe, args)?;
     }
     let mut kept = Entries::default();
-    kept.insert(subject.to_owned(), own);
-    let (mut connections, played) = feeding(spec, &cast)?;
+    kept.insert(subject.to_owned(), subject_spec);
+    let (mut connections, played) = input_connections(spec, &stand_ins)?;
     for (producer, (ports, _)) in &played {
-        ports.iter().try_for_each(|port| whole(spec, producer, port, "reads"))?;
+        ports
+            .iter()
+            .try_for_each(|port| check_all_recorded(spec, producer, port, "reads"))?;
     }
-    let mut stand = |name: String, producer: &str, ports: &[String], role: Role| -> Result<(), String> {
+    let mut insert_player = |name: String, producer: &str, ports: &[String], role: Role| -> Result<(), String> {
         let original = participants.get(producer).ok_or_else(|| {
             let run = request.folder.display();
             format!("the plan of {run} has no table `participants.{producer}`")
@@ -88,21 +90,25 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
         Ok(())
     };
     for (producer, (ports, role)) in played {
-        stand(cast.player(&producer), &producer, &ports, role)?;
+        insert_player(stand_ins.player(&producer), &producer, &ports, role)?;
     }
-    let said = reader.streams().iter();
-    let said = said.filter(|spec| spec.participant == subject && !spec.is_seen());
-    let said: Vec<String> = said.map(|spec| spec.port.clone()).collect();
-    said.iter().try_for_each(|port| whole(spec, subject, port, "says"))?;
-    stand(cast.heard.clone(), subject, &said, Role::Listener)?;
-    for port in said {
-        let connection = ConnectionSpec::new(&format!("{subject}.{port}"), &format!("{}.{port}", cast.heard));
-        let name = unused(&format!("{}-{port}", cast.heard), |name| connections.contains_key(name));
+    let output_ports = reader.streams().iter();
+    let output_ports = output_ports.filter(|spec| spec.participant == subject && !spec.is_seen());
+    let output_ports: Vec<String> = output_ports.map(|spec| spec.port.clone()).collect();
+    output_ports
+        .iter()
+        .try_for_each(|port| check_all_recorded(spec, subject, port, "says"))?;
+    insert_player(stand_ins.listener.clone(), subject, &output_ports, Role::Listener)?;
+    for port in output_ports {
+        let connection = ConnectionSpec::new(&format!("{subject}.{port}"), &format!("{}.{port}", stand_ins.listener));
+        let name = unused_name(&format!("{}-{port}", stand_ins.listener), |name| {
+            connections.contains_key(name)
+        });
         connections.insert(name, connection);
     }
     spec.participants = kept;
     spec.connections = connections;
-    keep_faults(spec, request, &cast);
+    keep_faults(spec, request, &stand_ins);
     // Assessment, measures and guards concern the whole run, not a single participant.
     spec.assessment = None;
     spec.measures.clear();
@@ -110,11 +116,11 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
     spec.report = None;
     spec.scene = None;
     spec.record.clear();
-    Ok(cast)
+    Ok(stand_ins)
 }
 
 /// Checks that the tape has every sample of a stream that the participant `does` something with.
-fn whole(spec: &ScenarioSpec, participant: &str, port: &str, does: &str) -> Result<(), String> {
+fn check_all_recorded(spec: &ScenarioSpec, participant: &str, port: &str, does: &str) -> Result<(), String> {
     if !spec.leaves_out(participant, port) {
         return Ok(());
     }
@@ -125,7 +131,12 @@ fn whole(spec: &ScenarioSpec, participant: &str, port: &str, does: &str) -> Resu
 }
 
 /// Replaces the participant's program by one that was given on the command line.
-fn substitute(spec: &mut ScenarioSpec, own: &mut ParticipantSpec, exe: &Path, args: &[String]) -> Result<(), String> {
+fn substitute(
+    spec: &mut ScenarioSpec,
+    subject_spec: &mut ParticipantSpec,
+    exe: &Path,
+    args: &[String],
+) -> Result<(), String> {
     let text = |path: &Path| {
         let text = path.to_str().map(str::to_owned);
         text.ok_or_else(|| format!("`{}` is not UTF-8: name a program that is", path.display()))
@@ -133,7 +144,7 @@ fn substitute(spec: &mut ScenarioSpec, own: &mut ParticipantSpec, exe: &Path, ar
     // A path on the command line is relative to the current directory.
     let here = std::env::current_dir().map_err(|error| format!("there is no current folder: {error}"))?;
     spec.folder = Some(text(&here)?);
-    own.run = RunSpec {
+    subject_spec.run = RunSpec {
         args: args.to_vec(),
         ..RunSpec::of_file(&text(exe)?)
     };
@@ -141,17 +152,20 @@ fn substitute(spec: &mut ScenarioSpec, own: &mut ParticipantSpec, exe: &Path, ar
 }
 
 /// The producers whose samples players publish: ports and role of each.
-type Played = BTreeMap<String, (Vec<String>, Role)>;
+type PlayedPorts = BTreeMap<String, (Vec<String>, Role)>;
 
 /// The connections into the participant, which now come from players.
-fn feeding(spec: &ScenarioSpec, cast: &Cast) -> Result<(Entries<ConnectionSpec>, Played), String> {
+fn input_connections(
+    spec: &ScenarioSpec,
+    stand_ins: &StandIns,
+) -> Result<(Entries<ConnectionSpec>, PlayedPorts), String> {
     let mut connections = Entries::default();
-    let mut played = Played::new();
+    let mut played = PlayedPorts::new();
     for (name, connection) in &spec.connections {
         let mut connection = connection.clone();
         let into_own = |input: &String| {
             let port = input.split_once('.');
-            port.is_some_and(|(participant, _)| participant == cast.subject)
+            port.is_some_and(|(participant, _)| participant == stand_ins.subject)
         };
         connection.to.retain(into_own);
         if connection.to.is_empty() {
@@ -171,7 +185,7 @@ fn feeding(spec: &ScenarioSpec, cast: &Cast) -> Result<(Entries<ConnectionSpec>,
         if !ports.contains(&port) {
             ports.push(port.clone());
         }
-        connection.from = format!("{}.{port}{field}", cast.player(&producer));
+        connection.from = format!("{}.{port}{field}", stand_ins.player(&producer));
         connections.insert(name.clone(), connection);
     }
     Ok((connections, played))
@@ -200,7 +214,7 @@ fn player_of(
 
 /// Keeps, of a plan's faults, those that disturb the participant's inputs, under the names of their random streams, and the
 /// substitutions of the participant, unless another program is to replace it.
-fn keep_faults(spec: &mut ScenarioSpec, request: &Request<'_>, cast: &Cast) {
+fn keep_faults(spec: &mut ScenarioSpec, request: &Request<'_>, stand_ins: &StandIns) {
     let run = format!("participants.{}.run", request.participant);
     let replaced = request.program.is_some()
         || request.run.is_some()
@@ -214,13 +228,13 @@ fn keep_faults(spec: &mut ScenarioSpec, request: &Request<'_>, cast: &Cast) {
     }
     let (participants, connections) = (&spec.participants, &spec.connections);
     spec.faults
-        .retain_mut(|fault| disturbs(fault, cast, replaced, participants, connections));
+        .retain_mut(|fault| affects_subject(fault, stand_ins, replaced, participants, connections));
 }
 
 /// Whether `fault` disturbs the participant's inputs; a fault of an output then becomes one of its player.
-fn disturbs(
+fn affects_subject(
     fault: &mut FaultSpec,
-    cast: &Cast,
+    stand_ins: &StandIns,
     replaced: bool,
     participants: &Entries<ParticipantSpec>,
     connections: &Entries<ConnectionSpec>,
@@ -231,15 +245,15 @@ fn disturbs(
     if let Some(input) = &fault.input {
         return input
             .split_once('.')
-            .is_some_and(|(participant, _)| participant == cast.subject);
+            .is_some_and(|(participant, _)| participant == stand_ins.subject);
     }
     if let Some(participant) = &fault.substitute {
-        return *participant == cast.subject && !replaced;
+        return *participant == stand_ins.subject && !replaced;
     }
     let Some((producer, port)) = fault.output.as_deref().and_then(|output| output.split_once('.')) else {
         return false;
     };
-    let player = cast.player(producer);
+    let player = stand_ins.player(producer);
     let played = participants
         .get(&player)
         .and_then(|player| player.parameters.get("ports")?.as_array())

@@ -1,4 +1,4 @@
-//! Driving a run from code while it rests: continue, read values, set inputs, save, and go back.
+//! Driving a run from code while it is paused: continue, read values, set inputs, save, and go back.
 
 use std::time::Instant;
 
@@ -7,7 +7,7 @@ use lockstep::port::Message;
 use lockstep::time::{Rational, Ticks};
 use toml::{Table, Value};
 
-use super::handle::{Over, Run};
+use super::handle::{Run, RunEnd};
 use super::inputs::{self, Inputs};
 use super::outcome::{Ending, RunFailure};
 use super::prepare;
@@ -24,7 +24,7 @@ use crate::scenario::payload;
 pub struct Checkpoint {
     state: checkpoint::Checkpoint,
     inputs: Inputs,
-    told: usize,
+    event_count: usize,
     now: Ticks,
     run: u64,
     number: u64,
@@ -38,7 +38,11 @@ impl Checkpoint {
 
     /// The state that participant `name` saved.
     pub fn state(&self, name: &str) -> Option<&[u8]> {
-        let number = self.state.participants.iter().position(|own| own == name)?;
+        let number = self
+            .state
+            .participants
+            .iter()
+            .position(|participant| participant == name)?;
         self.state.states.get(number).map(Vec::as_slice)
     }
 }
@@ -68,7 +72,7 @@ impl Instantlike for &str {
 }
 
 impl Run {
-    /// The instant at which the run rests: all participants have done exactly the activations before it.
+    /// The instant at which the run is paused: all participants have done exactly the activations before it.
     pub fn now(&self) -> Rational {
         self.run_state.time(self.now)
     }
@@ -83,7 +87,7 @@ impl Run {
         self.over.is_some()
     }
 
-    /// Runs until all participants have done exactly the activations before `time`, rounded up to the plan's tick, and rests there.
+    /// Runs until all participants have done exactly the activations before `time`, rounded up to the plan's tick, and pauses there.
     ///
     /// # Errors
     /// [`RunFailure::Instant`] for a time before now or after the end, [`RunFailure::Over`] when the run ends before it gets there;
@@ -111,43 +115,43 @@ impl Run {
             ));
         }
         if ticks == self.now {
-            self.refuse_held("let it on to a later instant")?;
+            self.reject_if_held("let it on to a later instant")?;
         }
-        self.on_to(ticks)
+        self.run_to_tick(ticks)
     }
 
-    /// Runs to the next communication point after now, and rests there; at the end of the run after the last one.
+    /// Runs to the next communication point after now, and pauses there; at the end of the run after the last one.
     ///
     /// # Errors
     /// As [`Run::run_to`].
     pub fn step(&mut self) -> Result<(), RunFailure> {
         let (plan, now) = (&self.run_state.plan, self.now);
-        let next = plan.participants.iter().filter_map(|own| {
-            let next = own.sample_time.count_before(now.saturating_add(1));
-            (next < own.activations).then(|| own.sample_time.instant(next))
+        let next = plan.participants.iter().filter_map(|planned| {
+            let next = planned.sample_time.count_before(now.saturating_add(1));
+            (next < planned.activations).then(|| planned.sample_time.instant(next))
         });
         let next = next.min().unwrap_or(plan.end);
         if self.over.is_none() && now >= plan.end {
-            return Err(self.ended());
+            return Err(self.over_failure());
         }
-        self.on_to(next)
+        self.run_to_tick(next)
     }
 
-    fn on_to(&mut self, ticks: Ticks) -> Result<(), RunFailure> {
+    fn run_to_tick(&mut self, ticks: Ticks) -> Result<(), RunFailure> {
         if self.over.is_some() {
-            return Err(self.ended());
+            return Err(self.over_failure());
         }
         if ticks > self.now {
-            self.go(Some(ticks));
+            self.run_until(Some(ticks));
         }
         match &self.over {
             None => Ok(()),
-            Some(Over { ending, .. }) if *ending == Ending::Complete => Ok(()),
-            Some(_) => Err(self.ended()),
+            Some(RunEnd { ending, .. }) if *ending == Ending::Complete => Ok(()),
+            Some(_) => Err(self.over_failure()),
         }
     }
 
-    pub(super) fn ended(&self) -> RunFailure {
+    pub(super) fn over_failure(&self) -> RunFailure {
         let how = self.over.as_ref().and_then(|over| over.ending.words());
         RunFailure::Over {
             how: how.unwrap_or_else(|| format!("it has come to its end at {}", self.now())),
@@ -190,7 +194,10 @@ impl Run {
             let file = self.run_state.folder.as_ref()?.stderr(participant);
             Some(String::from_utf8_lossy(&std::fs::read(file).ok()?).into_owned())
         };
-        self.executor.said(participant).or_else(from_file).unwrap_or_default()
+        self.executor
+            .newest_log(participant)
+            .or_else(from_file)
+            .unwrap_or_default()
     }
 
     /// The figures so far, if the scenario has an assessment or measures: those of a run that ended now.
@@ -246,9 +253,9 @@ impl Run {
     /// As [`Run::set`]; also for a wrong size.
     pub fn set_bytes(&mut self, port: &str, bytes: &[u8]) -> Result<(), RunFailure> {
         let input = inputs::find(&self.run_state.plan, port)?;
-        self.refuse_held("an input is set at a rest between two instants (`run_to`)")?;
+        self.reject_if_held("an input is set at a rest between two instants (`run_to`)")?;
         if self.over.is_some() {
-            return Err(self.ended());
+            return Err(self.over_failure());
         }
         let descriptor = &self.run_state.plan.participants[input.0].interface.inputs[input.1].descriptor;
         let refuse = |reason: String| RunFailure::Port {
@@ -265,7 +272,7 @@ impl Run {
         let event = inputs::event(&self.run_state.plan, self.now(), input, bytes);
         self.run_state.recorder().event(&event)?;
         self.run_state.inputs.insert(input, bytes.to_owned());
-        self.unseen = true;
+        self.inputs_pending = true;
         Ok(())
     }
 
@@ -275,25 +282,25 @@ impl Run {
     /// When a participant cannot save its state; when the run keeps no samples to go back to ([`Record`](super::Record)); [`RunFailure::Over`].
     pub fn save(&mut self) -> Result<Checkpoint, RunFailure> {
         if self.over.is_some() {
-            return Err(self.ended());
+            return Err(self.over_failure());
         }
-        self.refuse_held("a state is saved at a rest between two instants (`run_to`)")?;
-        let (cut, told) = {
+        self.reject_if_held("a state is saved at a rest between two instants (`run_to`)")?;
+        let (cut, event_count) = {
             let recorder = self.run_state.recorder();
             recorder.check_samples()?;
-            (recorder.cut_at(self.now), recorder.told())
+            (recorder.cut_at(self.now), recorder.event_count())
         };
         let time = self.now();
-        let state = actions::saved(self.executor.as_mut(), &self.run_state, time, cut)?;
-        self.saved += 1;
-        self.saves.push(self.saved);
+        let state = actions::collect_checkpoint(self.executor.as_mut(), &self.run_state, time, cut)?;
+        self.checkpoint_count += 1;
+        self.valid_checkpoints.push(self.checkpoint_count);
         Ok(Checkpoint {
             state,
             inputs: self.run_state.inputs.clone(),
-            told,
+            event_count,
             now: self.now,
             run: self.number,
-            number: self.saved,
+            number: self.checkpoint_count,
         })
     }
 
@@ -313,30 +320,31 @@ impl Run {
         if checkpoint.run != self.number {
             return refuse("is the instant of a checkpoint of another run: a run goes back to its own alone");
         }
-        if !self.saves.contains(&checkpoint.number) {
+        if !self.valid_checkpoints.contains(&checkpoint.number) {
             return refuse(
                 "is the instant of a checkpoint that the run has left behind: it has gone back to before it, and what led to it is \
                  no longer recorded",
             );
         }
         if self.over.as_ref().is_some_and(|over| over.ending != Ending::Complete) {
-            return Err(self.ended());
+            return Err(self.over_failure());
         }
-        let restored = self.go_back(checkpoint);
+        let restored = self.rewind_to(checkpoint);
         if let Err(failure) = &restored {
-            let ending = Ending::own(failure.to_string());
+            let ending = Ending::orchestrator_failed(failure.to_string());
             let known = Instant::now();
-            self.over = Some(Over { ending, known });
+            self.over = Some(RunEnd { ending, known });
         }
         restored
     }
 
-    fn go_back(&mut self, checkpoint: &Checkpoint) -> Result<(), RunFailure> {
+    fn rewind_to(&mut self, checkpoint: &Checkpoint) -> Result<(), RunFailure> {
         let run_state = &mut self.run_state;
         let state = &checkpoint.state;
-        let (assessment, watches) = prepare::judges(&run_state.scenario, &run_state.plan, &streams(&run_state.plan))?;
-        let (cut, told) = (&state.cut, checkpoint.told);
-        run_state.recorder().cut_back(state, told, assessment, watches)?;
+        let (assessment, guards) =
+            prepare::create_evaluators(&run_state.scenario, &run_state.plan, &streams(&run_state.plan))?;
+        let (cut, event_count) = (&state.cut, checkpoint.event_count);
+        run_state.recorder().cut_back(state, event_count, assessment, guards)?;
         run_state.inputs.clone_from(&checkpoint.inputs);
         run_state.substituted = usize::try_from(state.substitutions).unwrap_or(usize::MAX);
         let schedule = Schedule::new(
@@ -346,7 +354,7 @@ impl Run {
             checkpoint.now,
             run_state.substituted,
         )?;
-        let slots = prepare::seats_at(run_state, state, |_| false);
+        let slots = prepare::slots_at(run_state, state, |_| false);
         let failed_participants = self.executor.continue_at(run_state, cut, slots, true)?;
         if let Some(first) = failed_participants.first() {
             return Err(RunFailure::Participant {
@@ -354,13 +362,13 @@ impl Run {
                 reason: first.reason.clone(),
             });
         }
-        run_state.clock.go_back(schedule, checkpoint.now);
+        run_state.clock.reset(schedule, checkpoint.now);
         run_state.last_checkpoint = run_state.scenario.restarts().then(|| state.clone());
-        self.executor.went_back(checkpoint.now);
-        (self.now, self.over, self.unseen) = (checkpoint.now, None, false);
+        self.executor.set_reached(checkpoint.now);
+        (self.now, self.over, self.inputs_pending) = (checkpoint.now, None, false);
         // The record that outputs were given is cut off as well.
         (self.held, self.answered) = (false, false);
-        self.saves.retain(|save| *save <= checkpoint.number);
+        self.valid_checkpoints.retain(|save| *save <= checkpoint.number);
         Ok(())
     }
 }

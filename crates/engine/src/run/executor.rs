@@ -16,9 +16,9 @@ use crate::scenario::Entry;
 /// The result of one turn.
 pub(super) enum Turn {
     /// There is more to do.
-    Going,
-    /// All participants rest at this instant, where the clock controller stops.
-    Rests(Ticks),
+    Continue,
+    /// All participants are paused at this instant, where the clock controller stops.
+    Paused(Ticks),
     /// The participant that is to be held has the inputs of its activation at this instant, and has not stepped.
     Held(Ticks),
     /// The run is over.
@@ -37,7 +37,7 @@ pub(super) enum Slot {
 
 /// How the wall time of a run was spent.
 #[derive(Default)]
-pub(super) struct Account {
+pub(super) struct ExecutorReport {
     /// Of each participant.
     pub(super) timing: BTreeMap<String, WallTimeBreakdown>,
     /// The reason for the choice of cores, in words.
@@ -48,8 +48,8 @@ pub(super) struct Account {
 
 /// The participants of a run, and the loop or the processes that execute them.
 pub(super) trait Executor {
-    /// Lets the participants do a part of what the clock controller grants, and takes what they have recorded. The error is a failure that the
-    /// run may survive.
+    /// Lets the participants do a part of what the clock controller grants, and takes what they have recorded. The error is a failure
+    /// from which the run may recover.
     fn turn(&mut self, run_state: &mut RunState) -> Result<Turn, Ending>;
 
     /// From now on steps are left to the caller if participants allow it: a turn then ends with [`Turn::Parked`].
@@ -61,12 +61,12 @@ pub(super) trait Executor {
     }
 
     /// Whether all participants have done exactly the activations before `now`.
-    fn rests_at(&self, now: Ticks) -> bool;
+    fn has_reached(&self, now: Ticks) -> bool;
 
-    /// The state of participant number `number`, at rest.
+    /// The state of participant number `number`, which is paused.
     fn save(&mut self, run_state: &RunState, number: usize) -> Result<Vec<u8>, RunFailure>;
 
-    /// At a rest: fills the slots as `slots` says; all participants continue at `cut`. `back` says that this is another cut than
+    /// While paused: fills the slots as `slots` says; all participants continue at `cut`. `rewind` says that this is another cut than
     /// the present one. Unconnected inputs have the values in the run state. Returns the participants that failed meanwhile.
     ///
     /// # Errors
@@ -76,32 +76,32 @@ pub(super) trait Executor {
         run_state: &mut RunState,
         cut: &Cut,
         slots: Vec<Slot>,
-        back: bool,
+        rewind: bool,
     ) -> Result<Vec<FailedParticipant>, RunFailure>;
 
-    /// At a rest: gives unconnected inputs the values in the run state.
-    fn show_inputs(&mut self, run_state: &mut RunState, cut: &Cut) -> Result<Vec<FailedParticipant>, RunFailure>;
+    /// While paused: gives unconnected inputs the values in the run state.
+    fn apply_inputs(&mut self, run_state: &mut RunState, cut: &Cut) -> Result<Vec<FailedParticipant>, RunFailure>;
 
-    /// All participants have gone back to `to`.
-    fn went_back(&mut self, to: Ticks);
+    /// Sets the instant that all participants have reached, after a checkpoint was restored.
+    fn set_reached(&mut self, to: Ticks);
 
     /// Whether a participant can fail individually, so that others may continue without it.
-    fn outlives_failures(&self) -> bool;
+    fn isolates_failures(&self) -> bool;
 
     /// Handles the failure in `ending` as the scenario specifies: returns when the run can continue, or returns the ending as an error.
-    fn survive(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending>;
+    fn handle_failure(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending>;
 
     /// Registers participants that failed while the run was resumed.
-    fn note_failures(&mut self, failed_participants: Vec<FailedParticipant>);
+    fn register_failures(&mut self, failed_participants: Vec<FailedParticipant>);
 
-    /// At a rest: which process is which participant, in words.
+    /// While paused: which process is which participant, in words.
     fn processes(&self) -> String;
 
-    /// At a rest: the failure of a participant that has ended or failed meanwhile.
+    /// While paused: the failure of a participant that has ended or failed meanwhile.
     fn failure(&mut self, run_state: &RunState) -> Option<RunFailure>;
 
     /// Restarts the timeout within which participants must make progress.
-    fn renew_patience(&mut self);
+    fn restart_timeout(&mut self);
 
     /// From now on turns stop before each step of participant number `number`. Returns the instant of the first such step, if
     /// participants can be held.
@@ -110,8 +110,8 @@ pub(super) trait Executor {
         None
     }
 
-    /// No participant is held any more.
-    fn let_go(&mut self) {}
+    /// From now on no participant is held.
+    fn release_hold(&mut self) {}
 
     /// The participant that is held before its step.
     fn held(&self) -> Option<&Stepper> {
@@ -123,15 +123,15 @@ pub(super) trait Executor {
         let _ = (output, payload);
     }
 
-    /// The newest log lines of a participant, if the run itself collects them.
-    fn said(&self, participant: &str) -> Option<String> {
+    /// The newest log lines of a participant, if the executor itself collects them.
+    fn newest_log(&self, participant: &str) -> Option<String> {
         let _ = participant;
         None
     }
 
-    /// Orders all participants to exit, and takes what they still have to record.
-    fn bring_down(&mut self, run_state: &mut RunState);
+    /// Commands all participants to terminate, and takes what they still have to record.
+    fn shut_down(&mut self, run_state: &mut RunState);
 
     /// How wall time was spent.
-    fn account(&self) -> Account;
+    fn report(&self) -> ExecutorReport;
 }

@@ -1,4 +1,4 @@
-//! A run: its start, its main loop from rest to rest, and its outcome.
+//! A run: its start, its main loop from stop to stop, and its outcome.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,15 +13,15 @@ use super::in_loop;
 use super::inputs;
 use super::options::Options;
 use super::outcome::{Ending, Outcome, RunFailure};
-use super::pace::horizon::ClockController;
-use super::pace::spans::Times;
-use super::prepare::{self, Ready};
+use super::pace::clock_controller::ClockController;
+use super::pace::spans::SpanAnalysis;
+use super::prepare::{self, PreparedRun};
 use super::processes::monitor::Monitor;
 use super::processes::resources;
 use super::processes::start_up;
 use super::recording::store::{Record, no_samples};
 use super::state::RunState;
-use super::stops::actions::{self, attend};
+use super::stops::actions::{self, perform_actions};
 use super::stops::instants;
 use super::stops::schedule::Schedule;
 use crate::assessment::Figures;
@@ -29,7 +29,7 @@ use crate::observer::Event as Report;
 use crate::scenario::Scenario;
 use crate::scope;
 
-/// A run under way, which rests until a call lets it continue.
+/// A run under way, which is paused until a call lets it continue.
 ///
 /// It belongs to the thread that starts it. When it is dropped, its processes end, and nothing of it stays in shared memory; its
 /// folder can be read up to the last complete sample, but has no seal. [`Run::end`] ends it properly.
@@ -45,23 +45,23 @@ pub struct Run {
     pub(super) held: bool,
     /// Outputs were given in place of a participant's step.
     pub(super) answered: bool,
-    pub(super) over: Option<Over>,
+    pub(super) over: Option<RunEnd>,
     /// Inputs were set that the participants have not received yet.
-    pub(super) unseen: bool,
+    pub(super) inputs_pending: bool,
     /// The number of this run in this process.
     pub(super) number: u64,
     /// The checkpoints that the run can go back to, oldest first.
-    pub(super) saves: Vec<u64>,
-    pub(super) saved: u64,
+    pub(super) valid_checkpoints: Vec<u64>,
+    pub(super) checkpoint_count: u64,
     pub(super) wall: Duration,
     /// The claim to the run's folder, if it has one: no other run takes the folder before this one has ended.
     claim: Option<Reservation>,
 }
 
-/// The state in which [`Run::conduct`] has left a run.
-pub(super) enum Conduct {
+/// The state in which [`Run::run_loop`] has left a run.
+pub(super) enum LoopExit {
     /// At its bound.
-    Rests,
+    Paused,
     Over(Ending),
     /// Where a participant is held before its step.
     Held(Ticks),
@@ -70,14 +70,14 @@ pub(super) enum Conduct {
 }
 
 /// How a run has ended.
-pub(super) struct Over {
+pub(super) struct RunEnd {
     pub(super) ending: Ending,
     pub(super) known: Instant,
 }
 
 impl Run {
     /// Starts a run of `scenario`: all participants have been started and have published what exists before the first activation,
-    /// and the run rests.
+    /// and the run is paused.
     ///
     /// # Errors
     /// The reason why the run cannot start; then it has left nothing, unless there was something to record.
@@ -85,18 +85,18 @@ impl Run {
         let mut run = Run::begin(Arc::new(scenario.clone()), options.clone(), true)?;
         run.run_state.recorder().keep_newest();
         let from = run.now;
-        run.go(Some(from));
+        run.run_until(Some(from));
         match run.over.take() {
             None => Ok(run),
-            Some(Over { ending, .. }) => match ending {
+            Some(RunEnd { ending, .. }) => match ending {
                 Ending::Failed { participant, reason } => Err(RunFailure::Participant { participant, reason }),
                 Ending::Complete | Ending::Stopped { .. } => Err(RunFailure::Interrupted),
             },
         }
     }
 
-    /// Everything before the first step. `asked` says whether a program may ask for the samples of any stream.
-    pub(crate) fn begin(scenario: Arc<Scenario>, options: Options, asked: bool) -> Result<Run, RunFailure> {
+    /// Everything before the first step. `driven` says whether a program drives the run and may query the samples of any stream.
+    pub(crate) fn begin(scenario: Arc<Scenario>, options: Options, driven: bool) -> Result<Run, RunFailure> {
         options.check_record()?;
         // Everything that can be refused is refused before anything is started or written.
         let made = if options.in_process {
@@ -104,56 +104,58 @@ impl Run {
         } else {
             scenario.make()?
         };
-        let (known, made) = prepare::checked(&scenario, made)?;
+        let (known, made) = prepare::check_participants(&scenario, made)?;
         instants::check(scenario.duration, known.plan.end, &known.plan.timebase, &options)?;
-        let entries = prepare::entries(&scenario, &options)?;
+        let entries = prepare::initial_entries(&scenario, &options)?;
         let participants = if options.in_process {
-            Some(in_loop::executor::in_slots(&scenario, &options, &entries, made)?)
+            Some(in_loop::executor::create_participants(
+                &scenario, &options, &entries, made,
+            )?)
         } else {
             drop(made);
-            refuse_inside_a_participant(&scenario)?;
+            reject_nested_run(&scenario)?;
             scope::leftovers().iter().for_each(scope::Leftover::remove);
             fmu::remove_leftovers();
             resources::check(&known.plan, scenario.moves())?;
             None
         };
         let mut claim = match options.record {
-            Record::Folder => Some(prepare::folder(&scenario, &options)?),
+            Record::Folder => Some(prepare::create_folder(&scenario, &options)?),
             Record::Memory | Record::Digest | Record::Nothing => None,
         };
         let folder = claim.as_ref().map(|claim| claim.folder().clone());
-        let made: Result<(Ready, Making), RunFailure> = match (participants, &folder) {
+        let made: Result<(PreparedRun, PreparedExecutor), RunFailure> = match (participants, &folder) {
             (Some(participants), folder) => {
-                let recorder = prepare::recorder(&scenario, known.plan, &options, folder.as_ref(), asked);
+                let recorder = prepare::create_recorder(&scenario, known.plan, &options, folder.as_ref(), driven);
                 recorder.and_then(|mut recorder| {
                     let plan = recorder.plan.clone();
-                    let start = prepare::start(&plan, &options, &mut recorder)?;
+                    let start = prepare::start_point(&plan, &options, &mut recorder)?;
                     let recovered = Vec::new();
-                    let ready = Ready {
+                    let prepared = PreparedRun {
                         entries,
                         plan,
                         recorder,
                         start,
                         recovered,
                     };
-                    Ok((ready, Making::Here(participants)))
+                    Ok((prepared, PreparedExecutor::InProcess(participants)))
                 })
             }
             (None, Some(folder)) => {
                 let monitor = Monitor::new(options.interrupt.clone());
-                start_up::set_up(&scenario, &options, &known, entries, folder, &monitor, asked)
-                    .map(|(ready, processes)| (ready, Making::Done(Box::new(processes))))
+                start_up::set_up(&scenario, &options, &known, entries, folder, &monitor, driven)
+                    .map(|(prepared, processes)| (prepared, PreparedExecutor::Processes(Box::new(processes))))
             }
             (None, None) => Err(no_samples()),
         };
-        let mut run = made.and_then(|(ready, making)| Run::of(scenario, options, ready, making, folder));
+        let mut run = made.and_then(|(prepared, executor)| Run::of(scenario, options, prepared, executor, folder));
         // A run that was refused leaves nothing in its folder. One that failed before it began leaves what there is to read, unless
         // there is a previous run to restore.
-        let stays = match &run {
+        let keep_folder = match &run {
             Ok(_) => true,
             Err(failure) => failure.exit_code() != 2 && !claim.as_ref().is_some_and(Reservation::replaces),
         };
-        if stays {
+        if keep_folder {
             claim.iter_mut().for_each(Reservation::commit);
         }
         if let Ok(run) = &mut run {
@@ -165,25 +167,25 @@ impl Run {
     fn of(
         scenario: Arc<Scenario>,
         options: Options,
-        ready: Ready,
-        making: Making,
+        prepared: PreparedRun,
+        executor: PreparedExecutor,
         folder: Option<RunFolder>,
     ) -> Result<Run, RunFailure> {
         static RUNS: AtomicU64 = AtomicU64::new(0);
-        let Ready {
+        let PreparedRun {
             entries,
             plan,
             recorder,
             start,
             recovered,
-        } = ready;
+        } = prepared;
         let (from, substituted) = (start.from, start.substituted);
         let schedule = Schedule::new(&scenario, &plan, &options, from, substituted)?;
-        let times = Times::new(&plan, &options, &scenario.title)?;
+        let span_analysis = SpanAnalysis::new(&plan, &options, &scenario.title)?;
         let recorder = Arc::new(Mutex::new(recorder));
-        let executor: Box<dyn Executor> = match making {
-            Making::Here(participants) => {
-                let looped = in_loop::executor::set_up(
+        let executor: Box<dyn Executor> = match executor {
+            PreparedExecutor::InProcess(participants) => {
+                let loop_executor = in_loop::executor::set_up(
                     &plan,
                     &entries,
                     from,
@@ -192,9 +194,9 @@ impl Run {
                     participants,
                     folder.as_ref(),
                 )?;
-                Box::new(looped)
+                Box::new(loop_executor)
             }
-            Making::Done(processes) => processes,
+            PreparedExecutor::Processes(processes) => processes,
         };
         options.begin(&plan, folder.as_ref());
         let run_state = RunState {
@@ -206,7 +208,7 @@ impl Run {
             recovered,
             folder,
             recorder,
-            times,
+            span_analysis,
             scenario,
             options,
             plan,
@@ -218,18 +220,18 @@ impl Run {
             held: false,
             answered: false,
             over: None,
-            unseen: false,
+            inputs_pending: false,
             number: RUNS.fetch_add(1, Ordering::Relaxed),
-            saves: Vec::new(),
-            saved: 0,
+            valid_checkpoints: Vec::new(),
+            checkpoint_count: 0,
             wall: Duration::ZERO,
             claim: None,
         })
     }
 
-    /// Runs until all participants rest at `bound`, or to the end of the run.
-    pub(super) fn go(&mut self, bound: Option<Ticks>) {
-        self.executor.let_go();
+    /// Runs until all participants are paused at `bound`, or to the end of the run.
+    pub(super) fn run_until(&mut self, bound: Option<Ticks>) {
+        self.executor.release_hold();
         self.advance(bound);
     }
 
@@ -240,67 +242,67 @@ impl Run {
         }
         let started = Instant::now();
         let bound = bound.filter(|bound| *bound < self.run_state.plan.end);
-        self.set_out(bound);
-        let conduct = self.conduct(bound);
-        self.arrive(bound, conduct);
+        self.begin_advance(bound);
+        let exit = self.run_loop(bound);
+        self.end_advance(bound, exit);
         self.wall += started.elapsed();
     }
 
-    /// Preparation for [`Run::conduct`].
-    pub(super) fn set_out(&mut self, bound: Option<Ticks>) {
-        self.run_state.clock.drive_to(bound);
-        self.run_state.clock.go_on();
-        self.executor.renew_patience();
+    /// Preparation for [`Run::run_loop`].
+    pub(super) fn begin_advance(&mut self, bound: Option<Ticks>) {
+        self.run_state.clock.set_bound(bound);
+        self.run_state.clock.resume();
+        self.executor.restart_timeout();
     }
 
-    /// Follow-up of [`Run::conduct`], unless the run is parked.
-    pub(super) fn arrive(&mut self, bound: Option<Ticks>, conduct: Conduct) {
+    /// Follow-up of [`Run::run_loop`], unless the run is parked.
+    pub(super) fn end_advance(&mut self, bound: Option<Ticks>, exit: LoopExit) {
         self.now = bound.unwrap_or(self.run_state.plan.end);
         self.held = false;
-        if let Conduct::Held(at) = conduct {
+        if let LoopExit::Held(at) = exit {
             (self.now, self.held) = (at, true);
         }
-        if let Conduct::Over(ending) = conduct {
+        if let LoopExit::Over(ending) = exit {
             let newest = self.run_state.newest().clamp(0, self.run_state.plan.end);
             if ending != Ending::Complete {
                 self.now = newest;
             }
             let known = Instant::now();
-            self.over = Some(Over { ending, known });
+            self.over = Some(RunEnd { ending, known });
         }
     }
 
-    /// The main loop of every run: turns, rests, and recovery from failures.
-    pub(super) fn conduct(&mut self, bound: Option<Ticks>) -> Conduct {
+    /// The main loop of every run: turns, stops, and recovery from failures.
+    pub(super) fn run_loop(&mut self, bound: Option<Ticks>) -> LoopExit {
         let Run {
             executor, run_state, ..
         } = self;
         let executor = executor.as_mut();
-        let mut shown = !std::mem::take(&mut self.unseen);
+        let mut applied = !std::mem::take(&mut self.inputs_pending);
         loop {
-            let turn = if shown {
+            let turn = if applied {
                 executor.turn(run_state)
             } else {
-                shown = true;
-                show_inputs(executor, run_state, self.now).map(|()| Turn::Going)
+                applied = true;
+                apply_inputs(executor, run_state, self.now).map(|()| Turn::Continue)
             };
             let done = turn.and_then(|turn| match turn {
-                Turn::Going => Ok(None),
-                Turn::Over(ending) => Ok(Some(Conduct::Over(ending))),
-                Turn::Held(at) => Ok(Some(Conduct::Held(at))),
-                Turn::Parked => Ok(Some(Conduct::Parked)),
-                Turn::Rests(now) => {
-                    let ending = attend(executor, run_state, now)?;
-                    let rests = bound == Some(now) && run_state.clock.is_free(now) && executor.rests_at(now);
-                    Ok(ending.map(Conduct::Over).or(rests.then_some(Conduct::Rests)))
+                Turn::Continue => Ok(None),
+                Turn::Over(ending) => Ok(Some(LoopExit::Over(ending))),
+                Turn::Held(at) => Ok(Some(LoopExit::Held(at))),
+                Turn::Parked => Ok(Some(LoopExit::Parked)),
+                Turn::Paused(now) => {
+                    let ending = perform_actions(executor, run_state, now)?;
+                    let rests = bound == Some(now) && run_state.clock.is_idle_at(now) && executor.has_reached(now);
+                    Ok(ending.map(LoopExit::Over).or(rests.then_some(LoopExit::Paused)))
                 }
             });
             match done {
                 Ok(None) => {}
                 Ok(Some(done)) => return done,
                 Err(failed) => {
-                    if let Err(ending) = executor.survive(run_state, failed) {
-                        return Conduct::Over(ending);
+                    if let Err(ending) = executor.handle_failure(run_state, failed) {
+                        return LoopExit::Over(ending);
                     }
                 }
             }
@@ -317,7 +319,7 @@ impl Run {
                 reason: format!("ended at t = {} s", self.now_s()),
             };
             let known = Instant::now();
-            self.over = Some(Over { ending, known });
+            self.over = Some(RunEnd { ending, known });
         }
         let outcome = self.conclude();
         if let Some(folder) = &outcome.folder {
@@ -328,20 +330,20 @@ impl Run {
     }
 
     /// Sets inputs again as the `events` of another run's tape say, each at its time, as far as this run has the inputs.
-    pub(crate) fn repeat_inputs(&mut self, events: &[Event]) -> Result<(), RunFailure> {
+    pub(crate) fn replay_inputs(&mut self, events: &[Event]) -> Result<(), RunFailure> {
         for event in events.iter().filter(|event| event.kind == EventKind::Input) {
-            let there = event.participant.as_ref();
-            let there = there.is_some_and(|name| self.run_state.plan.participant(name).is_some());
-            if !there || self.over.is_some() || event.time >= self.run_state.scenario.duration {
+            let participant = event.participant.as_ref();
+            let has_participant = participant.is_some_and(|name| self.run_state.plan.participant(name).is_some());
+            if !has_participant || self.over.is_some() || event.time >= self.run_state.scenario.duration {
                 continue;
             }
             let (input, payload) = inputs::read(&self.run_state.plan, event).map_err(RunFailure::Other)?;
             let ticks = self.run_state.plan.timebase.ceil(event.time);
-            self.go(Some(ticks.map_err(|error| RunFailure::Other(error.to_string()))?));
+            self.run_until(Some(ticks.map_err(|error| RunFailure::Other(error.to_string()))?));
             if self.over.is_none() {
                 self.run_state.recorder().event(event)?;
                 self.run_state.inputs.insert(input, payload);
-                self.unseen = true;
+                self.inputs_pending = true;
             }
         }
         Ok(())
@@ -349,7 +351,7 @@ impl Run {
 
     /// Runs to the end.
     pub(crate) fn finish(mut self) -> Outcome {
-        self.go(None);
+        self.run_until(None);
         self.conclude()
     }
 
@@ -357,8 +359,8 @@ impl Run {
     pub(super) fn conclude(mut self) -> Outcome {
         let run_state = &mut self.run_state;
         run_state.options.progress.report(Report::Over);
-        self.executor.bring_down(run_state);
-        let account = self.executor.account();
+        self.executor.shut_down(run_state);
+        let report = self.executor.report();
         drop(self.executor);
         let known = self.over.as_ref().map_or_else(Instant::now, |over| over.known);
         let ending = self.over.map_or(Ending::Complete, |over| over.ending);
@@ -367,17 +369,17 @@ impl Run {
             recorder,
             folder,
             recovered,
-            times,
+            span_analysis,
             scenario,
             ..
         } = self.run_state;
-        let partial = prepare::partial(&scenario, &plan);
-        let (punctuality, traced) = times.finish();
+        let partial = prepare::partial_streams(&scenario, &plan);
+        let (punctuality, traced) = span_analysis.finish();
         let recorder = Arc::into_inner(recorder).expect("the participants are gone");
         let mut recorder = recorder.into_inner().unwrap_or_else(PoisonError::into_inner);
         // No participant is at fault when the tape cannot be written.
         let ending = match recorder.take_error() {
-            Some(error) => Ending::own(error.to_string()),
+            Some(error) => Ending::orchestrator_failed(error.to_string()),
             None => ending,
         };
         if let Ending::Failed { participant, reason } = &ending {
@@ -406,22 +408,22 @@ impl Run {
             digest,
             recovered,
             figures,
-            sources: prepare::sources(&plan),
+            sources: prepare::link_sources(&plan),
             punctuality,
             traced,
             partial,
-            timing: account.timing,
-            placement: account.placement,
-            logs: account.logs,
+            timing: report.timing,
+            placement: report.placement,
+            logs: report.logs,
         }
     }
 }
 
 /// Refuses a program that is started as a participant of its own run: it would start that run again, without end.
-fn refuse_inside_a_participant(scenario: &Scenario) -> Result<(), RunFailure> {
-    let own = scenario.programs().any(|program| !program.is_external());
+fn reject_nested_run(scenario: &Scenario) -> Result<(), RunFailure> {
+    let starts_itself = scenario.programs().any(|program| !program.is_external());
     match std::env::var(lockstep::host::PARTICIPANT) {
-        Ok(name) if own => Err(RunFailure::Other(format!(
+        Ok(name) if starts_itself => Err(RunFailure::Other(format!(
             "this process was started as the participant `{name}` of a run: let the program's `main` begin with `Program::main`, which \
              becomes the participant, or run in this process"
         ))),
@@ -430,19 +432,19 @@ fn refuse_inside_a_participant(scenario: &Scenario) -> Result<(), RunFailure> {
 }
 
 /// The executor of a run, as far as it has been made.
-enum Making {
-    Here(Vec<Box<dyn lockstep::participant::Participant>>),
-    Done(Box<super::processes::executor::Processes>),
+enum PreparedExecutor {
+    InProcess(Vec<Box<dyn lockstep::participant::Participant>>),
+    Processes(Box<super::processes::executor::Processes>),
 }
 
 /// Gives unconnected inputs the values that were set.
-fn show_inputs(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks) -> Result<(), Ending> {
+fn apply_inputs(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks) -> Result<(), Ending> {
     let cut = run_state.recorder().cut_at(now);
-    let shown = executor
-        .show_inputs(run_state, &cut)
+    let applied = executor
+        .apply_inputs(run_state, &cut)
         .and_then(|mut failed_participants| {
             if failed_participants.is_empty() {
-                failed_participants.extend(actions::keep_for_restarts(
+                failed_participants.extend(actions::save_for_restarts(
                     executor,
                     run_state,
                     run_state.time(now),
@@ -451,6 +453,6 @@ fn show_inputs(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks
             }
             Ok(failed_participants)
         });
-    let failed_participants = shown.map_err(|failure| run_state.over(failure))?;
-    actions::fell(executor, run_state, failed_participants)
+    let failed_participants = applied.map_err(|failure| run_state.ending_of(failure))?;
+    actions::report_failures(executor, run_state, failed_participants)
 }

@@ -1,4 +1,4 @@
-//! Values of unconnected inputs: set from code while a run rests, held until they are set again.
+//! Values of unconnected inputs: set from code while a run is paused, held until they are set again.
 
 use std::collections::BTreeMap;
 
@@ -57,12 +57,12 @@ pub(super) fn read(plan: &Plan, event: &Event) -> Result<((usize, usize), Vec<u8
 
 /// The tape's event for a value of an input.
 pub(super) fn event(plan: &Plan, time: Rational, (participant, input): (usize, usize), payload: &[u8]) -> Event {
-    let own = &plan.participants[participant];
-    let port = &own.interface.inputs[input];
+    let planned = &plan.participants[participant];
+    let port = &planned.interface.inputs[input];
     Event {
         time,
         kind: EventKind::Input,
-        participant: Some(own.name.clone()),
+        participant: Some(planned.name.clone()),
         text: format!("{} = {}", port.name, Value::Table(fields(&port.descriptor, payload))),
     }
 }
@@ -120,8 +120,8 @@ pub(super) fn find(plan: &Plan, port: &str) -> Result<(usize, usize), RunFailure
     let number = plan
         .participant(participant)
         .ok_or_else(|| refuse(format!("there is no participant `{participant}`")))?;
-    let own = &plan.participants[number];
-    let inputs = &own.interface.inputs;
+    let planned = &plan.participants[number];
+    let inputs = &planned.interface.inputs;
     let input = inputs.iter().position(|input| input.name == name).ok_or_else(|| {
         let known: Vec<String> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
         let known = if known.is_empty() {
@@ -131,7 +131,7 @@ pub(super) fn find(plan: &Plan, port: &str) -> Result<(usize, usize), RunFailure
         };
         refuse(format!("`{participant}` has no input `{name}`; it has {known}"))
     })?;
-    match own.inputs[input].first() {
+    match planned.inputs[input].first() {
         None => Ok((number, input)),
         Some(&link) => {
             let link = &plan.links[link];

@@ -16,26 +16,26 @@ use crate::text::quoted;
 /// A participant that writes more than this to its standard error is stopped.
 pub const LOG_MAX: u64 = 64 << 20;
 /// The longest wait for the end of a log: a process that the participant has started may keep the pipe open indefinitely.
-const ENDS: Duration = Duration::from_millis(100);
+const COMPLETION_TIMEOUT: Duration = Duration::from_millis(100);
 /// Bytes per copy.
-const PIECE: usize = 1 << 16;
+const CHUNK_BYTES: usize = 1 << 16;
 
 /// The log of one participant.
 #[derive(Clone)]
 pub(crate) struct Log {
     path: PathBuf,
-    flow: Arc<Flow>,
+    copier: Arc<LogCopier>,
 }
 
 /// The state of the copying thread.
 #[derive(Default)]
-struct Flow {
+struct LogCopier {
     full: AtomicBool,
     /// The thread has stopped: at the end of the pipe, or at the bound.
-    over: Mutex<bool>,
-    is_over: Condvar,
+    finished: Mutex<bool>,
+    finished_signal: Condvar,
     /// The pipe of a full log. As long as it is open the participant blocks; if it were closed, SIGPIPE would end the participant.
-    kept: Mutex<Option<PipeReader>>,
+    blocked_pipe: Mutex<Option<PipeReader>>,
 }
 
 impl Log {
@@ -43,26 +43,30 @@ impl Log {
     pub(crate) fn create(path: &Path) -> io::Result<(Log, PipeWriter)> {
         let file = File::create(path)?;
         let (reader, writer) = io::pipe()?;
-        let flow = Arc::new(Flow::default());
+        let copier = Arc::new(LogCopier::default());
         let log = Log {
             path: path.to_owned(),
-            flow: flow.clone(),
+            copier: copier.clone(),
         };
         std::thread::Builder::new()
             .name("log".into())
-            .spawn(move || flow.run(reader, file, LOG_MAX))?;
+            .spawn(move || copier.run(reader, file, LOG_MAX))?;
         Ok((log, writer))
     }
 
     /// Whether the participant wrote more than [`LOG_MAX`].
     pub(crate) fn is_full(&self) -> bool {
-        self.flow.full.load(Ordering::Relaxed)
+        self.copier.full.load(Ordering::Relaxed)
     }
 
     /// Waits until the file has everything that was written. To be called after the process has ended.
-    pub(crate) fn settle(&self) {
-        let over = self.flow.over.lock().unwrap_or_else(PoisonError::into_inner);
-        drop(self.flow.is_over.wait_timeout_while(over, ENDS, |over| !*over));
+    pub(crate) fn wait_complete(&self) {
+        let finished = self.copier.finished.lock().unwrap_or_else(PoisonError::into_inner);
+        drop(
+            self.copier
+                .finished_signal
+                .wait_timeout_while(finished, COMPLETION_TIMEOUT, |finished| !*finished),
+        );
     }
 
     /// The last lines of the log.
@@ -77,12 +81,12 @@ impl Log {
             Ok(tail)
         };
         let text = String::from_utf8_lossy(&read().unwrap_or_default()).into_owned();
-        last_of(&text)
+        tail_lines(&text)
     }
 }
 
 /// The last non-empty lines of a text.
-fn last_of(text: &str) -> Vec<String> {
+fn tail_lines(text: &str) -> Vec<String> {
     let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
     let last = &lines[lines.len().saturating_sub(5)..];
     last.iter().map(|line| (*line).to_owned()).collect()
@@ -90,27 +94,27 @@ fn last_of(text: &str) -> Vec<String> {
 
 /// The last of `lines` of a participant's log, formatted as the end of a message; empty if there are none.
 pub(crate) fn last_lines(lines: &str) -> String {
-    match &last_of(lines)[..] {
+    match &tail_lines(lines)[..] {
         [] => String::new(),
         last => format!("; its last lines:\n  | {}", quoted(&last.join("\n"))),
     }
 }
 
-impl Flow {
-    fn run(&self, reader: PipeReader, file: impl Write, most: u64) {
-        if let Some(reader) = self.move_to(reader, file, most) {
-            *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = Some(reader);
+impl LogCopier {
+    fn run(&self, reader: PipeReader, file: impl Write, max_bytes: u64) {
+        if let Some(reader) = self.copy_until_full(reader, file, max_bytes) {
+            *self.blocked_pipe.lock().unwrap_or_else(PoisonError::into_inner) = Some(reader);
         }
-        *self.over.lock().unwrap_or_else(PoisonError::into_inner) = true;
-        self.is_over.notify_all();
+        *self.finished.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.finished_signal.notify_all();
     }
 
     /// Copies the pipe into `file`; returns the pipe if more than `most` bytes came.
-    fn move_to(&self, mut reader: PipeReader, mut file: impl Write, most: u64) -> Option<PipeReader> {
-        let mut left = most;
-        let mut piece = vec![0; PIECE];
+    fn copy_until_full(&self, mut reader: PipeReader, mut file: impl Write, max_bytes: u64) -> Option<PipeReader> {
+        let mut left = max_bytes;
+        let mut chunk = vec![0; CHUNK_BYTES];
         loop {
-            let count = match reader.read(&mut piece) {
+            let count = match reader.read(&mut chunk) {
                 Ok(0) => return None,
                 Ok(count) => count,
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
@@ -118,7 +122,7 @@ impl Flow {
             };
             let fits = left.min(count as u64) as usize;
             // A full disk loses the log; the tape on that disk fails too and ends the run with the reason.
-            let _ = file.write_all(&piece[..fits]);
+            let _ = file.write_all(&chunk[..fits]);
             left -= fits as u64;
             if fits < count {
                 self.full.store(true, Ordering::Relaxed);
@@ -129,7 +133,7 @@ impl Flow {
 }
 
 /// The last lines of a log, formatted as the end of a message.
-pub(crate) fn words(log: &Log) -> String {
+pub(crate) fn tail_message(log: &Log) -> String {
     let lines = log.last_lines();
     if lines.is_empty() {
         "; it wrote nothing".into()
@@ -139,7 +143,7 @@ pub(crate) fn words(log: &Log) -> String {
 }
 
 /// The reason of a failure by a full log.
-pub(crate) fn flood() -> String {
+pub(crate) fn full_log_reason() -> String {
     format!("wrote more than {} MiB to its standard error", LOG_MAX >> 20)
 }
 
@@ -149,17 +153,28 @@ mod tests {
 
     #[test]
     fn log_is_cut_at_its_bound_to_the_byte() {
-        for (written, most) in [(0, 5), (4, 5), (5, 5), (6, 5), (3 * PIECE, PIECE + 1), (PIECE, PIECE)] {
+        for (written, max_bytes) in [
+            (0, 5),
+            (4, 5),
+            (5, 5),
+            (6, 5),
+            (3 * CHUNK_BYTES, CHUNK_BYTES + 1),
+            (CHUNK_BYTES, CHUNK_BYTES),
+        ] {
             let (reader, mut writer) = io::pipe().unwrap();
-            let flow = Flow::default();
+            let copier = LogCopier::default();
             let mut file = Vec::new();
             std::thread::scope(|scope| {
-                scope.spawn(|| flow.run(reader, &mut file, most as u64));
-                writer.write_all(&vec![7; written.min(most + 1)]).unwrap();
+                scope.spawn(|| copier.run(reader, &mut file, max_bytes as u64));
+                writer.write_all(&vec![7; written.min(max_bytes + 1)]).unwrap();
                 drop(writer);
             });
-            assert_eq!(file.len(), written.min(most), "{written} of {most}");
-            assert_eq!(flow.full.load(Ordering::Relaxed), written > most, "{written} of {most}");
+            assert_eq!(file.len(), written.min(max_bytes), "{written} of {max_bytes}");
+            assert_eq!(
+                copier.full.load(Ordering::Relaxed),
+                written > max_bytes,
+                "{written} of {max_bytes}"
+            );
         }
     }
 }

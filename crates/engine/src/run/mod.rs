@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 pub use drive::{Checkpoint, Instantlike};
 pub use handle::Run;
-pub(crate) use in_loop::batched::Abreast;
+pub(crate) use in_loop::batched::BatchedRun;
 pub(crate) use log::last_lines;
 pub use options::{Options, Origin, Overrun, Wait};
 pub use outcome::{Ending, Outcome, RunFailure};
@@ -33,7 +33,7 @@ pub use prepare::{Known, check, check_here, check_with_programs};
 pub use processes::child::{own_program, start_instead, tie};
 pub use processes::placement::Placement;
 pub use processes::sigbus::guard as guard_memory;
-pub(crate) use recording::guard::{Forbidden, Watch};
+pub(crate) use recording::guard::{Forbidden, SampleGuard};
 pub use recording::kept::Kept;
 pub use recording::newest::Sample;
 pub use recording::store::Record;
@@ -51,7 +51,7 @@ use crate::scenario::Scenario;
 
 /// How a process ended in words: exit status or signal.
 pub fn ending_of_process(status: std::process::ExitStatus) -> String {
-    processes::child::Participant::ending(status)
+    processes::child::ParticipantProcess::describe_exit(status)
 }
 
 /// Runs `scenario`.

@@ -83,7 +83,7 @@ pub struct Options {
     pub overrun: Overrun,
     /// The file for the trace: what every participant did when, as JSON trace events; none when not given.
     pub trace: Option<PathBuf>,
-    /// Come to rest at these instants and wait for the user.
+    /// Pause at these instants and wait for the user.
     pub pause_at: Vec<Rational>,
     /// Save the state of the run in a file at this interval of simulated time.
     pub checkpoint_every: Option<Rational>,
@@ -104,7 +104,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Participants in processes, as fast as possible, with a run folder under `runs`, and a patience of 60 s.
+    /// Participants in processes, as fast as possible, with a run folder under `runs`, and a stall timeout of 60 s.
     fn default() -> Options {
         Options {
             in_process: false,
@@ -163,7 +163,7 @@ impl Options {
     }
 
     /// [`Options::patience_s`] as a duration, limited to the longest one.
-    pub(super) fn patience(&self) -> Duration {
+    pub(super) fn stall_timeout(&self) -> Duration {
         Duration::try_from_secs_f64(self.patience_s).unwrap_or(Duration::MAX)
     }
 

@@ -139,7 +139,7 @@ pub enum Ending {
 
 impl Ending {
     /// The orchestrator itself failed.
-    pub(super) fn own(reason: String) -> Ending {
+    pub(super) fn orchestrator_failed(reason: String) -> Ending {
         let participant = ORCHESTRATOR.into();
         Ending::Failed { participant, reason }
     }
@@ -196,7 +196,7 @@ impl Outcome {
     pub(super) fn sealed(ending: Ending, digest: Result<Option<Digest>, AppendError>) -> (Ending, Option<Digest>) {
         match (digest, ending) {
             (Ok(digest), ending) => (ending, digest),
-            (Err(error), Ending::Complete) => (Ending::own(error.to_string()), None),
+            (Err(error), Ending::Complete) => (Ending::orchestrator_failed(error.to_string()), None),
             (Err(_), ending) => (ending, None),
         }
     }
@@ -269,7 +269,10 @@ impl Outcome {
     fn timing(&self) -> Value {
         let mut timing = json!(self.timing);
         for (name, sources) in &self.sources {
-            let Some(inputs) = timing.get_mut(name).and_then(|own| own.get_mut("inputs_ns")) else {
+            let Some(inputs) = timing
+                .get_mut(name)
+                .and_then(|participant_timing| participant_timing.get_mut("inputs_ns"))
+            else {
                 continue;
             };
             let spent = inputs.as_array().cloned().unwrap_or_default();

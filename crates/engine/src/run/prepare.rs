@@ -17,16 +17,16 @@ use super::options::{Options, Origin};
 use super::outcome::RunFailure;
 use super::processes::monitor::Monitor;
 use super::processes::port_discovery;
-use super::recording::guard::Watch;
-use super::recording::lanes::Lanes;
+use super::recording::guard::SampleGuard;
 use super::recording::observed::Observers;
 use super::recording::recorder::Recorder;
 use super::recording::store::Store;
 use super::recording::streams::streams;
+use super::recording::tape_mapping::TapeMapping;
 use super::saved::checkpoint::Checkpoint;
 use super::saved::continuation;
-use super::saved::history::Played;
-use super::saved::restore::Before;
+use super::saved::history::History;
+use super::saved::restore::OriginRun;
 use super::state::RunState;
 use crate::assessment::Assessment;
 use crate::live::Steering;
@@ -34,7 +34,7 @@ use crate::observer::{Answer, Event as Report, Interrupt, Progress};
 use crate::scenario::{Entry, OnFailure, Scenario, ScenarioError, State};
 
 /// How often a pause checks for signals and failures.
-const LOOK: Duration = Duration::from_millis(5);
+const PAUSE_POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// What is known of a scenario before anything starts.
 pub struct Known {
@@ -47,19 +47,22 @@ pub struct Known {
 /// Makes the participants that this program contains, makes the plan, and checks the assessment: everything except starting
 /// programs.
 pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
-    checked(scenario, scenario.make()?).map(|(known, _)| known)
+    check_participants(scenario, scenario.make()?).map(|(known, _)| known)
 }
 
 /// [`check`] for a run in this process, into which the libraries of the scenario are loaded.
 pub fn check_here(scenario: &Scenario) -> Result<Known, ScenarioError> {
-    checked(scenario, scenario.make_here()?).map(|(known, _)| known)
+    check_participants(scenario, scenario.make_here()?).map(|(known, _)| known)
 }
 
 /// The participants that this process contains, made for a scenario.
-pub(super) type Made = Vec<Option<Box<dyn Participant>>>;
+pub(super) type MadeParticipants = Vec<Option<Box<dyn Participant>>>;
 
 /// [`check`] with the participants that were `made` for the scenario, which are returned.
-pub(super) fn checked(scenario: &Scenario, made: Made) -> Result<(Known, Made), ScenarioError> {
+pub(super) fn check_participants(
+    scenario: &Scenario,
+    made: MadeParticipants,
+) -> Result<(Known, MadeParticipants), ScenarioError> {
     let interfaces: Vec<Option<Interface>> = (made.iter())
         .map(|participant| participant.as_ref().map(|participant| participant.interface()))
         .collect();
@@ -96,7 +99,7 @@ impl Known {
     /// The names of the participants that were not asked for their ports.
     pub fn unknown(&self) -> Vec<&str> {
         let all = self.plan.participants.iter().zip(&self.interfaces);
-        all.filter_map(|(own, interface)| interface.is_none().then_some(own.name.as_str()))
+        all.filter_map(|(planned, interface)| interface.is_none().then_some(planned.name.as_str()))
             .collect()
     }
 }
@@ -112,9 +115,9 @@ pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Kno
     let unknown: Vec<&Entry> = unknown
         .filter_map(|(entry, interface)| interface.is_none().then_some(entry))
         .collect();
-    let mut told = port_discovery::ask(scenario, &unknown, options)?.into_iter();
+    let mut described = port_discovery::ask(scenario, &unknown, options)?.into_iter();
     let interfaces: Vec<Interface> = (known.interfaces.into_iter())
-        .filter_map(|interface| interface.or_else(|| told.next()))
+        .filter_map(|interface| interface.or_else(|| described.next()))
         .collect();
     let check_substitutes = || {
         let monitor = Monitor::new(options.interrupt.clone());
@@ -172,8 +175,8 @@ impl Host {
     fn here() -> Host {
         let system = rustix::system::uname();
         let text = |part: &std::ffi::CStr| part.to_string_lossy().into_owned();
-        let about = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let model = about.lines().find_map(|line| {
+        let cpu_info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = cpu_info.lines().find_map(|line| {
             line.strip_prefix("model name")?
                 .split_once(':')
                 .map(|(_, m)| m.trim().to_owned())
@@ -188,7 +191,7 @@ impl Host {
 }
 
 /// Makes the run folder, with the resolved scenario and the provenance of the run.
-pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Reservation, RunFailure> {
+pub(super) fn create_folder(scenario: &Scenario, options: &Options) -> Result<Reservation, RunFailure> {
     let claim = match &options.out {
         Some(out) => Reservation::reserve(out, options.force)?,
         None => RunFolder::create_default(std::path::Path::new("runs"), &scenario.name)?,
@@ -218,52 +221,52 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Reservati
 
 /// The instant from which a run that continues `origin` follows its own plan `own`; `None` means from its beginning. A different
 /// run length does not affect what was before.
-fn changed_at(own: toml::Table, origin: &Origin) -> Option<String> {
+fn changed_at(plan: toml::Table, origin: &Origin) -> Option<String> {
     let parent = RunFolder::open(&origin.run);
-    let lasting = |mut table: toml::Table| {
+    let without_duration = |mut table: toml::Table| {
         table.remove("duration");
         table
     };
     let before = String::from_utf8(tape::read_regular(&parent.plan()).ok()?).ok()?;
     let before = before.parse::<toml::Table>().ok()?;
-    if lasting(before) != lasting(own) {
+    if without_duration(before) != without_duration(plan) {
         return Some(origin.checkpoint.time.to_string());
     }
     parent.changed_at()
 }
 
 /// Opens the store of the samples: the tape in `folder`, or what the options ask for without a folder. The recorder's plan records
-/// which samples are observed: by the recorder and, if `asked`, by a program that drives the run.
-pub(super) fn recorder(
+/// which samples are observed: by the recorder and, if `driven`, by a program that drives the run.
+pub(super) fn create_recorder(
     scenario: &Scenario,
     mut plan: Plan,
     options: &Options,
     folder: Option<&RunFolder>,
-    asked: bool,
+    driven: bool,
 ) -> Result<Recorder, RunFailure> {
     let streams = streams(&plan);
-    let (assessment, watches) = judges(scenario, &plan, &streams)?;
+    let (assessment, guards) = create_evaluators(scenario, &plan, &streams)?;
     let kept = scenario.kept(&plan, &streams, |_| true)?;
     let saves = options.checkpoint_every.is_some() || !options.checkpoint_at.is_empty();
     // Taking up a run needs samples of all outputs.
-    let resumable = asked || saves || (scenario.moves() && !options.in_process);
+    let resumable = driven || saves || (scenario.moves() && !options.in_process);
     let observers = Observers {
-        kept: (folder.is_some() || options.record.looks()).then_some(&kept),
+        kept: (folder.is_some() || options.record.needs_samples()).then_some(&kept),
         assessment: assessment.as_deref(),
-        guards: &watches,
+        guards: &guards,
         all: resumable,
     };
     plan.observed = observers.observed(scenario, &plan, &streams);
-    let (lanes, kept) = Lanes::new(&kept, &streams);
+    let (tape_mapping, kept) = TapeMapping::new(&kept, &streams);
     let store = match folder {
         Some(folder) => Store::Disk(Writer::create(&folder.tape(), kept)?.with_thread()),
         None => Store::without_folder(options.record, kept)?,
     };
-    let mut recorder = Recorder::new(Arc::new(plan), store, lanes, assessment, watches);
+    let mut recorder = Recorder::new(Arc::new(plan), store, tape_mapping, assessment, guards);
     if resumable {
-        recorder.keep_recent();
+        recorder.enable_sample_buffer();
     }
-    match recorder.unsaved().filter(|_| saves) {
+    match recorder.stream_without_save().filter(|_| saves) {
         Some(stream) => {
             let what = format!("a checkpoint of an assessment without `save`, which uses `{stream}`,");
             Err(scenario.needs_samples(&what).into())
@@ -273,16 +276,20 @@ pub(super) fn recorder(
 }
 
 /// The assessment of a run, if it has one, and its guards.
-type Judges = (Option<Box<dyn Assessment>>, Vec<Watch>);
+type Evaluators = (Option<Box<dyn Assessment>>, Vec<SampleGuard>);
 
 /// The assessment and the guards of a run at its beginning.
-pub(super) fn judges(scenario: &Scenario, plan: &Plan, streams: &[StreamSpec]) -> Result<Judges, ScenarioError> {
+pub(super) fn create_evaluators(
+    scenario: &Scenario,
+    plan: &Plan,
+    streams: &[StreamSpec],
+) -> Result<Evaluators, ScenarioError> {
     scenario.check_pictures(plan, |_| true)?;
     Ok((assess(scenario, streams)?, scenario.watches(plan, |_| true)?))
 }
 
 /// For each stream of which the tape does not have every sample: what it has, in words.
-pub(super) fn partial(scenario: &Scenario, plan: &Plan) -> Vec<String> {
+pub(super) fn partial_streams(scenario: &Scenario, plan: &Plan) -> Vec<String> {
     if scenario.records_all() {
         return Vec::new();
     }
@@ -293,26 +300,26 @@ pub(super) fn partial(scenario: &Scenario, plan: &Plan) -> Vec<String> {
 }
 
 /// The name of the source of each link into each participant.
-pub(super) fn sources(plan: &Plan) -> BTreeMap<String, Vec<String>> {
+pub(super) fn link_sources(plan: &Plan) -> BTreeMap<String, Vec<String>> {
     let source = |link: usize| plan.output_name(plan.links[link].from);
     let all = plan.participants.iter().enumerate();
-    all.map(|(number, own)| (own.name.clone(), plan.links_into(number).map(source).collect()))
+    all.map(|(number, planned)| (planned.name.clone(), plan.links_into(number).map(source).collect()))
         .collect()
 }
 
 /// A run before its first step, without its executor.
-pub(super) struct Ready {
+pub(super) struct PreparedRun {
     /// What runs in each slot.
     pub(super) entries: Vec<Entry>,
     pub(super) plan: Arc<Plan>,
     pub(super) recorder: Recorder,
-    pub(super) start: Start,
+    pub(super) start: StartPoint,
     /// How failures of participants were handled so far.
     pub(super) recovered: Vec<String>,
 }
 
 /// Where a run begins.
-pub(super) struct Start {
+pub(super) struct StartPoint {
     /// No activation before this instant happens in this run, ticks.
     pub(super) from: Ticks,
     /// Where each participant continues; `None` at the beginning of a run.
@@ -329,7 +336,7 @@ pub(super) struct Start {
 ///
 /// # Errors
 /// When the scenario is no continuation of the checkpoint that the run starts from.
-pub(super) fn entries(scenario: &Scenario, options: &Options) -> Result<Vec<Entry>, RunFailure> {
+pub(super) fn initial_entries(scenario: &Scenario, options: &Options) -> Result<Vec<Entry>, RunFailure> {
     let mut entries = scenario.participants.clone();
     if let Some(origin) = &options.origin {
         continuation::check(scenario, &origin.checkpoint)?;
@@ -354,7 +361,7 @@ pub(super) fn entries_at(scenario: &Scenario, checkpoint: &Checkpoint) -> Vec<En
 }
 
 /// What runs in each slot when the run goes back to `checkpoint`; the participants for which `anew` returns true get new processes.
-pub(super) fn seats_at(run_state: &RunState, checkpoint: &Checkpoint, anew: impl Fn(usize) -> bool) -> Vec<Slot> {
+pub(super) fn slots_at(run_state: &RunState, checkpoint: &Checkpoint, anew: impl Fn(usize) -> bool) -> Vec<Slot> {
     let entries = entries_at(&run_state.scenario, checkpoint);
     let slots = checkpoint.states.iter().cloned().zip(entries).enumerate();
     let slots = slots.map(|(number, (state, entry))| {
@@ -369,9 +376,9 @@ pub(super) fn seats_at(run_state: &RunState, checkpoint: &Checkpoint, anew: impl
 
 /// The start of the run; everything before it is copied to the tape. [`entries`] has checked that the scenario continues from
 /// there.
-pub(super) fn start(plan: &Plan, options: &Options, recorder: &mut Recorder) -> Result<Start, RunFailure> {
+pub(super) fn start_point(plan: &Plan, options: &Options, recorder: &mut Recorder) -> Result<StartPoint, RunFailure> {
     let Some(Origin { run, checkpoint }) = &options.origin else {
-        return Ok(Start {
+        return Ok(StartPoint {
             from: 0,
             positions: None,
             substituted: 0,
@@ -381,30 +388,30 @@ pub(super) fn start(plan: &Plan, options: &Options, recorder: &mut Recorder) -> 
     };
     let from = plan.timebase.ceil(checkpoint.time);
     let from = from.map_err(|error| RunFailure::Other(error.to_string()))?;
-    let played = &Played::open(&RunFolder::open(run).tape(), plan, checkpoint.rest.is_some())?;
-    let before = Before { played, checkpoint };
-    recorder.copy(&before)?;
+    let history = &History::open(&RunFolder::open(run).tape(), plan, checkpoint.rest.is_some())?;
+    let origin_run = OriginRun { history, checkpoint };
+    recorder.copy_origin(&origin_run)?;
     recorder.event(&Event {
         time: checkpoint.time,
         kind: EventKind::Resume,
         participant: None,
         text: format!("taken up from the checkpoint at t = {}", checkpoint.time),
     })?;
-    let mut told = played.events()?;
-    told.retain(|event| event.time <= checkpoint.time);
-    let inputs = Inputs::of_events(plan, &told)?;
-    let mut positions = before.positions(plan)?;
+    let mut events = history.events()?;
+    events.retain(|event| event.time <= checkpoint.time);
+    let inputs = Inputs::of_events(plan, &events)?;
+    let mut positions = origin_run.positions(plan)?;
     inputs.put_into(&mut positions);
     for (position, state) in positions.iter_mut().zip(&checkpoint.states) {
         position.state = Some(state.clone());
     }
-    Ok(Start {
+    Ok(StartPoint {
         from,
         positions: Some(positions),
         substituted: usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX),
         inputs,
         checkpoint: Some(Checkpoint {
-            rest: recorder.rest(&checkpoint.cut)?,
+            rest: recorder.off_tape_state(&checkpoint.cut)?,
             ..checkpoint.clone()
         }),
     })
@@ -431,19 +438,19 @@ pub(super) fn substitution_event(
     }
 }
 
-/// Waits at a rest until the observer answers, the live page lets the run continue, or an end is requested; returns whether the run
+/// Waits during a pause until the observer answers, the live page lets the run continue, or an end is requested; returns whether the run
 /// continues. `processes` says in words which process is which participant.
 ///
 /// # Errors
 /// The failure that `look` returns; it is called every few milliseconds.
-pub(super) fn pause(
+pub(super) fn wait_while_paused(
     plan: &Plan,
     at: Ticks,
     processes: &str,
     progress: &Progress,
     interrupt: &Interrupt,
     steering: Option<&Steering>,
-    mut look: impl FnMut() -> Option<RunFailure>,
+    mut check_failure: impl FnMut() -> Option<RunFailure>,
 ) -> Result<bool, RunFailure> {
     let t_s = plan.timebase.seconds(at);
     progress.report(Report::Paused { t_s, processes });
@@ -460,9 +467,9 @@ pub(super) fn pause(
             (Some(Answer::Never), None) => return Ok(false),
             (_, Some(steering)) if steering.lets_past(at) => return Ok(true),
             _ if interrupt.asked() => return Ok(false),
-            _ => std::thread::sleep(LOOK),
+            _ => std::thread::sleep(PAUSE_POLL_INTERVAL),
         }
-        if let Some(failure) = look() {
+        if let Some(failure) = check_failure() {
             return Err(failure);
         }
     }

@@ -11,21 +11,21 @@ use super::failed::{FailedParticipant, RESTARTS_MAX, Restarts};
 use super::outcome::{Ending, RunFailure};
 use super::prepare;
 use super::processes::descriptions;
-use super::processes::executor::{BATCHES, Processes};
-use super::processes::participants::Taken;
+use super::processes::executor::{BATCHES_MAX, Processes};
+use super::processes::participants::BatchResult;
 use super::state::RunState;
-use super::stops::actions::keep_for_restarts;
-use super::timeout::Patience;
+use super::stops::actions::save_for_restarts;
+use super::timeout::Timeout;
 use crate::scenario::OnFailure;
 
 /// Why a run ends when a guard violation is found only at its end: a substitute that does nothing would only hide the violation.
-const NOTHING_LEFT: &str = "it had taken its last step when its outputs were looked at, so a substitute has nothing to do; where the run \
+const NO_STEP_LEFT: &str = "it had taken its last step when its outputs were looked at, so a substitute has nothing to do; where the run \
                             rests (`--checkpoint-every`) everything before is looked at first";
 
 impl Processes {
     /// Handles the failure in `ending` as the scenario specifies: returns when the run can continue, or returns the ending as an error.
     /// A participant that fails while the run is resumed counts as one more failure.
-    pub(super) fn survive_failure(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending> {
+    pub(super) fn recover_from_failure(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending> {
         let Ending::Failed { participant, reason } = &ending else {
             return Err(ending);
         };
@@ -37,14 +37,14 @@ impl Processes {
         let others = std::mem::take(&mut self.failures.unhandled);
         failed_participants.extend(others.into_iter().filter(|one| one.number != number));
         let first = failed_participants[0].clone();
-        let mut judged = 0;
+        let mut checked = 0;
         loop {
-            for one in &failed_participants[judged..] {
-                self.judge(run_state, one, &first)?;
+            for one in &failed_participants[checked..] {
+                self.check_policy(run_state, one, &first)?;
             }
-            judged = failed_participants.len();
-            let done = self.recall(run_state, &mut failed_participants).and_then(|()| {
-                if failed_participants.len() > judged {
+            checked = failed_participants.len();
+            let done = self.pause_others(run_state, &mut failed_participants).and_then(|()| {
+                if failed_participants.len() > checked {
                     // Another participant failed meanwhile, and must be judged before anything is done.
                     return Ok(None);
                 }
@@ -52,9 +52,9 @@ impl Processes {
             });
             match done {
                 Ok(Some(missing)) if missing.is_empty() => return Ok(()),
-                Ok(Some(missing)) => (failed_participants, judged) = (missing, 0),
+                Ok(Some(missing)) => (failed_participants, checked) = (missing, 0),
                 Ok(None) => {}
-                Err(RunFailure::Interrupted) => return Err(run_state.over(RunFailure::Interrupted)),
+                Err(RunFailure::Interrupted) => return Err(run_state.ending_of(RunFailure::Interrupted)),
                 // The first failure matters most.
                 Err(second) => {
                     return Err(Ending::Failed {
@@ -67,7 +67,7 @@ impl Processes {
     }
 
     /// Fails if the run must end because of `one`. If it is not `first`, it failed after that.
-    fn judge(
+    fn check_policy(
         &mut self,
         run_state: &mut RunState,
         one: &FailedParticipant,
@@ -106,63 +106,65 @@ impl Processes {
         Err(Ending::Failed { participant, reason })
     }
 
-    /// Ends the processes of `failed_participants`, and brings all other participants to rest. A participant that fails before it rests is added
-    /// to `failed_participants`.
-    fn recall(
+    /// Ends the processes of `failed_participants`, and pauses all other participants. A participant that fails before it is paused
+    /// is added to `failed_participants`.
+    fn pause_others(
         &mut self,
         run_state: &mut RunState,
         failed_participants: &mut Vec<FailedParticipant>,
     ) -> Result<(), RunFailure> {
         for one in failed_participants.iter() {
             let handle = &mut self.handles[one.number];
-            handle.process.bring_down(Duration::ZERO);
-            handle.failed = None;
+            handle.process.shut_down(Duration::ZERO);
+            handle.failure_event = None;
             // The samples that it had handed over count, up to the first faulty one.
-            while let Ok(Taken::Old | Taken::News) = handle.take(one.number, &mut run_state.recorder()) {}
+            while let Ok(BatchResult::NoProgress | BatchResult::Progress) =
+                handle.take(one.number, &mut run_state.recorder())
+            {}
         }
-        self.place.clock.pause();
-        let mut patience = Patience::new(run_state.options.patience());
+        self.services.clock.pause();
+        let mut timeout = Timeout::new(run_state.options.stall_timeout());
         loop {
-            let mut left = None;
+            let mut unpaused = None;
             for number in 0..self.handles.len() {
                 if failed_participants.iter().any(|one| one.number == number) {
                     continue;
                 }
-                match self.comes_to_rest(run_state, number)? {
+                match self.poll_pause(run_state, number)? {
                     Ok(true) => {}
-                    Ok(false) => left = Some(number),
+                    Ok(false) => unpaused = Some(number),
                     Err(reason) => {
-                        self.handles[number].process.bring_down(Duration::ZERO);
+                        self.handles[number].process.shut_down(Duration::ZERO);
                         failed_participants.push(FailedParticipant { number, reason });
                     }
                 }
             }
-            let Some(number) = left else { return Ok(()) };
-            if self.monitor.asked() {
+            let Some(number) = unpaused else { return Ok(()) };
+            if self.monitor.is_interrupted() {
                 return Err(RunFailure::Interrupted);
             }
-            if patience.is_over() {
+            if timeout.is_over() {
                 let process = &mut self.handles[number].process;
-                let limit = patience.limit_s();
+                let limit = timeout.limit_s();
                 let reason = format!("process {} did not come to rest within {limit} s", process.pid());
-                process.bring_down(Duration::ZERO);
+                process.shut_down(Duration::ZERO);
                 failed_participants.push(FailedParticipant { number, reason });
             }
             std::thread::sleep(Duration::from_micros(300));
         }
     }
 
-    /// Whether participant number `number` has come to rest; if it failed too, the reason.
-    fn comes_to_rest(&mut self, run_state: &mut RunState, number: usize) -> Result<Result<bool, String>, RunFailure> {
+    /// Whether participant number `number` is paused; if it failed too, the reason.
+    fn poll_pause(&mut self, run_state: &mut RunState, number: usize) -> Result<Result<bool, String>, RunFailure> {
         let handle = &mut self.handles[number];
-        handle.ring();
-        let ended = handle.process.ended();
-        // Bounded, because a participant may send notes without end.
-        for _ in 0..BATCHES {
+        handle.wake();
+        let ended = handle.process.exit_status();
+        // Bounded, because a participant may send events without end.
+        for _ in 0..BATCHES_MAX {
             let taken = handle.take(number, &mut run_state.recorder());
             match taken {
-                Ok(Taken::Old | Taken::News) => {}
-                Ok(Taken::Nothing) => break,
+                Ok(BatchResult::NoProgress | BatchResult::Progress) => {}
+                Ok(BatchResult::Empty) => break,
                 Err(broken) => {
                     let error = run_state.recorder().take_error();
                     return match error {
@@ -176,10 +178,10 @@ impl Processes {
             return Ok(Err(failed));
         }
         match ended {
-            // A participant that ended after it came to rest is found missing during the move.
-            Some(status) if handle.recalled.is_none() => {
+            // A participant that ended after it was paused is found missing during the move.
+            Some(status) if handle.paused_before.is_none() => {
                 let last = handle.status();
-                Ok(Err(descriptions::death(
+                Ok(Err(descriptions::exit_report(
                     &run_state.plan,
                     number,
                     &handle.process,
@@ -187,12 +189,12 @@ impl Processes {
                     status,
                 )))
             }
-            _ => Ok(Ok(handle.recalled.is_some())),
+            _ => Ok(Ok(handle.paused_before.is_some())),
         }
     }
 
-    /// Continues the run as the scenario specifies; all participants are at rest except `failed_participants`, whose processes have ended. Returns
-    /// those that fail meanwhile.
+    /// Continues the run as the scenario specifies; all participants are paused except `failed_participants`, whose processes have
+    /// ended. Returns those that fail meanwhile.
     fn recover(
         &mut self,
         run_state: &mut RunState,
@@ -204,15 +206,15 @@ impl Processes {
         if failed_numbers.any(|number| {
             run_state.entries[number].on_failure == OnFailure::Restart || run_state.recorder().is_ahead_of(number)
         }) {
-            self.go_back(run_state, failed_participants)
+            self.restore_last_checkpoint(run_state, failed_participants)
         } else {
-            self.replace(run_state, failed_participants)
+            self.substitute_failed(run_state, failed_participants)
         }
     }
 
-    /// Takes all participants back to the last checkpoint, and `failed_participants` in new processes, whatever their policy: no state of theirs
-    /// is lost that way.
-    fn go_back(
+    /// Restores all participants to the last checkpoint, and starts `failed_participants` in new processes, whatever their policy: no
+    /// state of theirs is lost that way.
+    fn restore_last_checkpoint(
         &mut self,
         run_state: &mut RunState,
         failed_participants: &[FailedParticipant],
@@ -220,14 +222,14 @@ impl Processes {
         let Some(checkpoint) = run_state.last_checkpoint.clone() else {
             return Err(RunFailure::Other("there is no checkpoint to go back to".into()));
         };
-        let slots = prepare::seats_at(run_state, &checkpoint, |number| {
+        let slots = prepare::slots_at(run_state, &checkpoint, |number| {
             failed_participants.iter().any(|one| one.number == number)
         });
         {
             let mut recorder = run_state.recorder();
-            recorder.expect_again()?;
+            recorder.expect_repetition()?;
             if let Some(rest) = &checkpoint.rest {
-                recorder.remember(&rest.samples);
+                recorder.set_buffer(&rest.samples);
             }
         }
         let missing = self.relocate(run_state, &checkpoint.cut, slots)?;
@@ -241,7 +243,7 @@ impl Processes {
                 checkpoint.time,
                 one.first_line()
             );
-            Self::note(
+            Self::record_event(
                 run_state,
                 EventKind::Restart,
                 run_state.newest().max(0),
@@ -253,22 +255,22 @@ impl Processes {
     }
 
     /// Replaces `failed_participants` by other programs, at the activations that the failed ones had reached.
-    fn replace(
+    fn substitute_failed(
         &mut self,
         run_state: &mut RunState,
         failed_participants: &[FailedParticipant],
     ) -> Result<Vec<FailedParticipant>, RunFailure> {
         let mut cut = Cut { next: Vec::new() };
         let mut slots = Vec::new();
-        let mut notes = Vec::new();
+        let mut substitutions = Vec::new();
         for (number, handle) in self.handles.iter().enumerate() {
-            let stands = match handle.recalled {
+            let reached = match handle.paused_before {
                 Some(next) => next,
-                None => self.stands(&run_state.recorder(), number),
+                None => self.reached_activation(&run_state.recorder(), number),
             };
-            cut.next.push(stands);
-            if run_state.recorder().is_offender(number) && stands == run_state.plan.participants[number].activations {
-                return Err(RunFailure::Other(NOTHING_LEFT.into()));
+            cut.next.push(reached);
+            if run_state.recorder().is_offender(number) && reached == run_state.plan.participants[number].activations {
+                return Err(RunFailure::Other(NO_STEP_LEFT.into()));
             }
             let (one, entry) = (
                 failed_participants.iter().find(|one| one.number == number),
@@ -278,34 +280,34 @@ impl Processes {
                 (Some(one), OnFailure::Substitute(program)) => {
                     let entry = entry.replaced_by(program);
                     let text = format!(
-                        "{} takes over at activation {stands} from its initial state, because of a failure: {}",
+                        "{} takes over at activation {reached} from its initial state, because of a failure: {}",
                         entry.program,
                         one.first_line()
                     );
-                    notes.push((number, text));
+                    substitutions.push((number, text));
                     Slot::New(Box::new(entry), None)
                 }
                 _ => Slot::Same(None),
             });
         }
         // The substitute sees again what its predecessor was shown last.
-        run_state.recorder().expect_again()?;
+        run_state.recorder().expect_repetition()?;
         let mut missing = self.relocate(run_state, &cut, slots)?;
         // A restart must not bring back a participant that was replaced.
         run_state.last_checkpoint = None;
         let mut at = 0;
-        for (number, text) in notes {
-            run_state.recorder().renew(number);
+        for (number, text) in substitutions {
+            run_state.recorder().producer_replaced(number);
             at = run_state.plan.participants[number]
                 .sample_time
                 .instant(cut.next[number]);
-            Self::note(run_state, EventKind::Substitution, at, number, text)?;
+            Self::record_event(run_state, EventKind::Substitution, at, number, text)?;
         }
         if missing.is_empty()
-            && let Some(one) = keep_for_restarts(self, run_state, run_state.time(at), cut)?
+            && let Some(one) = save_for_restarts(self, run_state, run_state.time(at), cut)?
         {
-            // A participant that lives but cannot save its state does no harm as long as the run need not go back.
-            if self.handles[one.number].process.ended().is_some() {
+            // A participant that is alive but cannot save its state does no harm as long as the run need not be restored.
+            if self.handles[one.number].process.exit_status().is_some() {
                 missing.push(one);
             }
         }
@@ -313,7 +315,7 @@ impl Processes {
     }
 
     /// Records `text` about participant number `number` on the tape, and reports it to the user.
-    fn note(
+    fn record_event(
         run_state: &mut RunState,
         kind: EventKind,
         at: Ticks,
@@ -321,9 +323,9 @@ impl Processes {
         text: String,
     ) -> Result<(), RunFailure> {
         let name = run_state.plan.participants[number].name.clone();
-        let said = format!("participant `{name}`: {text}");
-        run_state.options.progress.say(&said);
-        run_state.recovered.push(said);
+        let message = format!("participant `{name}`: {text}");
+        run_state.options.progress.say(&message);
+        run_state.recovered.push(message);
         let event = Event {
             time: run_state.time(at),
             kind,

@@ -9,8 +9,8 @@ use tape::folder::RunFolder;
 use super::inputs::Inputs;
 use super::options::Options;
 use super::outcome::{Ending, RunFailure};
-use super::pace::horizon::ClockController;
-use super::pace::spans::Times;
+use super::pace::clock_controller::ClockController;
+use super::pace::spans::SpanAnalysis;
 use super::recording::recorder::Recorder;
 use super::saved::checkpoint::Checkpoint;
 use crate::scenario::{Entry, Scenario};
@@ -36,7 +36,7 @@ pub(super) struct RunState {
     pub(super) recovered: Vec<String>,
     pub(super) recorder: Arc<Mutex<Recorder>>,
     /// The spans of wall time that participants report.
-    pub(super) times: Times,
+    pub(super) span_analysis: SpanAnalysis,
 }
 
 impl RunState {
@@ -54,13 +54,13 @@ impl RunState {
         self.recorder().newest
     }
 
-    /// Reports to the external control how far the run is, whether all participants rest at the horizon, and how the pace is kept.
-    pub(super) fn tell(&mut self, newest: Ticks, resting: bool) {
-        self.clock.tell(newest, resting);
+    /// Reports to the external control how far the run is, whether all participants are paused at the horizon, and how the pace is kept.
+    pub(super) fn report_progress(&mut self, newest: Ticks, resting: bool) {
+        self.clock.report_progress(newest, resting);
         if let Some(steering) = &self.options.steering
-            && let Some(news) = self.times.news()
+            && let Some(update) = self.span_analysis.pace_update()
         {
-            steering.tell_pace(&news);
+            steering.tell_pace(&update);
         }
     }
 
@@ -77,7 +77,7 @@ impl RunState {
     }
 
     /// The ending that a failure of the run's own work causes.
-    pub(super) fn over(&self, failure: RunFailure) -> Ending {
+    pub(super) fn ending_of(&self, failure: RunFailure) -> Ending {
         match failure {
             RunFailure::Participant { participant, reason } => Ending::Failed { participant, reason },
             RunFailure::Interrupted => Ending::Stopped {
@@ -86,7 +86,7 @@ impl RunState {
                     self.plan.timebase.seconds(self.newest().max(0))
                 ),
             },
-            other => Ending::own(other.to_string()),
+            other => Ending::orchestrator_failed(other.to_string()),
         }
     }
 }

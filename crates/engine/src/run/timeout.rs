@@ -13,16 +13,16 @@ const GAP: Duration = Duration::from_millis(250);
 
 /// Counts wall time in which this process ran.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Awake {
+pub(crate) struct ActiveTime {
     last: Instant,
     counted: Duration,
     gap: Duration,
 }
 
-impl Awake {
+impl ActiveTime {
     /// Counts from `now` on.
-    pub(crate) fn since(now: Instant) -> Awake {
-        Awake {
+    pub(crate) fn since(now: Instant) -> ActiveTime {
+        ActiveTime {
             last: now,
             counted: Duration::ZERO,
             gap: GAP,
@@ -39,32 +39,32 @@ impl Awake {
 
 /// A timeout that counts the wall time in which this process ran.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Patience {
-    awake: Awake,
+pub(crate) struct Timeout {
+    active: ActiveTime,
     limit: Duration,
 }
 
-impl Patience {
+impl Timeout {
     /// Starts now, for `limit`.
-    pub(crate) fn new(limit: Duration) -> Patience {
-        Patience::since(Instant::now(), limit)
+    pub(crate) fn new(limit: Duration) -> Timeout {
+        Timeout::since(Instant::now(), limit)
     }
 
-    fn since(now: Instant, limit: Duration) -> Patience {
-        let mut awake = Awake::since(now);
+    fn since(now: Instant, limit: Duration) -> Timeout {
+        let mut active = ActiveTime::since(now);
         // However short the limit is, no suspension uses it up.
-        awake.gap = GAP.min(limit / 4);
-        Patience { awake, limit }
+        active.gap = GAP.min(limit / 4);
+        Timeout { active, limit }
     }
 
     /// Starts again now, for the same limit.
-    pub(crate) fn renew(&mut self) {
-        *self = Patience::new(self.limit);
+    pub(crate) fn restart(&mut self) {
+        *self = Timeout::new(self.limit);
     }
 
     /// How much of the limit has been used, s.
     pub(crate) fn used_s(&mut self) -> f64 {
-        self.awake.at(Instant::now()).as_secs_f64()
+        self.active.at(Instant::now()).as_secs_f64()
     }
 
     /// Whether the limit is used up. To be called often.
@@ -73,7 +73,7 @@ impl Patience {
     }
 
     fn is_over_at(&mut self, now: Instant) -> bool {
-        self.awake.at(now) >= self.limit
+        self.active.at(now) >= self.limit
     }
 
     /// The limit, s.
@@ -91,13 +91,13 @@ mod tests {
     }
 
     #[test]
-    fn a_suspension_uses_up_no_patience() {
+    fn suspension_uses_up_no_timeout() {
         let start = Instant::now();
         for limit in [20, 1000, 60_000] {
-            let mut patience = Patience::since(start, ms(limit));
+            let mut timeout = Timeout::since(start, ms(limit));
             for suspension in 1..=3 {
                 assert!(
-                    !patience.is_over_at(start + Duration::from_secs(3600 * suspension)),
+                    !timeout.is_over_at(start + Duration::from_secs(3600 * suspension)),
                     "{limit}"
                 );
             }
@@ -105,24 +105,24 @@ mod tests {
     }
 
     #[test]
-    fn time_that_is_looked_at_counts_in_full() {
+    fn timeout_counts_observed_time_in_full() {
         let start = Instant::now();
-        let mut patience = Patience::since(start, ms(5000));
-        let over = (1..).find(|look| patience.is_over_at(start + ms(2 * look)));
+        let mut timeout = Timeout::since(start, ms(5000));
+        let over = (1..).find(|look| timeout.is_over_at(start + ms(2 * look)));
         assert_eq!(over, Some(2500));
     }
 
     #[test]
-    fn no_patience_is_over_at_once() {
+    fn zero_timeout_is_over_at_once() {
         let start = Instant::now();
-        assert!(Patience::since(start, Duration::ZERO).is_over_at(start));
+        assert!(Timeout::since(start, Duration::ZERO).is_over_at(start));
     }
 
     #[test]
-    fn a_machine_that_answers_slowly_only_takes_longer() {
+    fn timeout_counts_long_gap_up_to_limit() {
         let start = Instant::now();
-        let mut patience = Patience::since(start, ms(5000));
-        let over = (1..).find(|look| patience.is_over_at(start + ms(1000 * look)));
+        let mut timeout = Timeout::since(start, ms(5000));
+        let over = (1..).find(|look| timeout.is_over_at(start + ms(1000 * look)));
         assert_eq!(over, Some(20));
     }
 }

@@ -12,7 +12,7 @@ use super::ports::{not_a_port, parse_port};
 use super::source::SourceContext;
 use super::spec::{Entries, GuardSpec, Time};
 use super::symbols::symbols;
-use crate::run::{Forbidden, Watch};
+use crate::run::{Forbidden, SampleGuard};
 
 /// A guard, resolved as far as possible without the ports.
 #[derive(Debug, Clone)]
@@ -84,7 +84,7 @@ impl Guard {
     }
 
     /// The guard, resolved against the ports of `plan`; `None` if the participant's ports are not certain.
-    fn watch(&self, plan: &Plan, certain: &impl Fn(usize) -> bool) -> Result<Option<Watch>, Refusal> {
+    fn watch(&self, plan: &Plan, certain: &impl Fn(usize) -> bool) -> Result<Option<SampleGuard>, Refusal> {
         let (participant, output) = (&self.port.0, &self.port.1);
         let Some(number) = plan.participant(participant).filter(|&number| certain(number)) else {
             return Ok(None);
@@ -154,7 +154,9 @@ impl Guard {
         let frozen_for = frozen_for.map_err(|error| ("frozen-for", error.to_string()))?;
         let (name, stream) = (self.name.clone(), own.first_stream as usize + position);
         let forbidden = Forbidden { range, never };
-        Ok(Some(Watch::new(name, stream, descriptor, slots, forbidden, frozen_for)))
+        Ok(Some(SampleGuard::new(
+            name, stream, descriptor, slots, forbidden, frozen_for,
+        )))
     }
 }
 
@@ -180,7 +182,7 @@ pub(super) fn watches(
     source: &SourceContext,
     plan: &Plan,
     certain: impl Fn(usize) -> bool,
-) -> Result<Vec<Watch>, ScenarioError> {
+) -> Result<Vec<SampleGuard>, ScenarioError> {
     let (mut watches, mut mistakes) = (Vec::new(), Vec::new());
     for guard in guards {
         match guard.watch(plan, &certain) {

@@ -9,14 +9,14 @@ use super::resolve::Scenario;
 use super::{guards, measures, recorded, report_view};
 use crate::assessment::Assessment;
 use crate::measures::{Definition, Measures, Together};
-use crate::run::{Kept, Watch};
+use crate::run::{Kept, SampleGuard};
 
 impl Scenario {
     /// The guards, resolved against the ports of `plan`; those of participants whose ports are not `certain` are left out.
     ///
     /// # Errors
     /// Every guard that does not fit the ports.
-    pub fn watches(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<Vec<Watch>, ScenarioError> {
+    pub fn watches(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<Vec<SampleGuard>, ScenarioError> {
         guards::watches(&self.guards, &self.source, plan, certain)
     }
 

@@ -61,10 +61,10 @@ impl Sample {
     }
 }
 
-/// Draws of one case, one after the other.
-pub struct Dice(pub Stream, pub u64);
+/// Random numbers of one case, in a fixed order.
+pub struct RandomSource(pub Stream, pub u64);
 
-impl Dice {
+impl RandomSource {
     pub fn below(&mut self, count: u64) -> u64 {
         self.1 += 1;
         self.0.bits(self.1) % count
@@ -104,21 +104,21 @@ impl Dice {
     }
 }
 
-/// The samples `streams` in an order that `dice` chooses; each stream in its own order.
-pub fn fed(
+/// The measured values of the samples `streams`, passed in an order that `random` chooses; each stream in its own order.
+pub fn measure_shuffled(
     declared: &[DeclaredMeasure],
     specs: &[StreamSpec],
     streams: &[Vec<Sample>],
-    dice: &mut Dice,
+    random: &mut RandomSource,
 ) -> Vec<Measured> {
     let definitions = declared.iter().map(|one| one.resolve(specs).expect("it fits"));
     let mut measures = Measures::new(definitions.collect(), specs).expect("it has a tick");
     let mut next = vec![0; streams.len()];
-    // How long one stream is served before the other has its turn: from sample by sample to all at once.
-    let bout = 1 + dice.below(200);
+    // How many samples of one stream are passed in a row: from one to all of them.
+    let burst = 1 + random.below(200);
     while next.iter().zip(streams).any(|(next, all)| *next < all.len()) {
-        let stream = dice.below(streams.len() as u64) as usize;
-        for _ in 0..bout {
+        let stream = random.below(streams.len() as u64) as usize;
+        for _ in 0..burst {
             let Some(sample) = streams[stream].get(next[stream]) else {
                 break;
             };

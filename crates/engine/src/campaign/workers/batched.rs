@@ -8,7 +8,7 @@ use lockstep::participant::{BatchStepper, PendingStep};
 
 use super::point::{PointRequest, Result as PointResult, StartedPoint, catch_panic};
 use crate::Catalogue;
-use crate::run::Abreast;
+use crate::run::BatchedRun;
 
 /// Points under way in this process.
 pub struct PointBatch {
@@ -20,7 +20,7 @@ pub struct PointBatch {
 struct Point {
     ticket: u64,
     request: PointRequest,
-    run: Box<Abreast>,
+    run: Box<BatchedRun>,
 }
 
 /// A point that is over: its ticket and its result.

@@ -10,7 +10,7 @@ use tape::folder::RunFolder;
 
 use crate::Catalogue;
 use crate::campaign::figures::Figures;
-use crate::run::{self, Abreast, Ending, RunFailure};
+use crate::run::{self, BatchedRun, Ending, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioSpec};
 
 /// The outcome of a point.
@@ -148,7 +148,7 @@ pub enum StartedPoint {
     /// The point is already over.
     Finished(Result),
     /// The point runs beside others.
-    Abreast(Box<Abreast>),
+    Abreast(Box<BatchedRun>),
 }
 
 impl PointRequest {
@@ -181,7 +181,7 @@ impl PointRequest {
             };
             match alone {
                 true => run_to_end(scenario, options),
-                false => match Abreast::begin(scenario, options) {
+                false => match BatchedRun::begin(scenario, options) {
                     Ok(run) => return StartedPoint::Abreast(Box::new(run)),
                     Err(failure) => Err(failure),
                 },
@@ -205,7 +205,7 @@ impl PointRequest {
     }
 
     /// The result of a run that has reached its end.
-    pub fn finish(&self, run: Box<Abreast>) -> Result {
+    pub fn finish(&self, run: Box<BatchedRun>) -> Result {
         catch_panic(|| self.with_requested_digest(Result::of_run(&run.conclude()))).unwrap_or_else(|panic| panic)
     }
 

@@ -8,7 +8,7 @@ fn shared() -> Shared {
         token: "0123456789abcdef".into(),
         steering: Arc::new(Steering::default()),
         views: Vec::new(),
-        live: Mutex::new(Watched::default()),
+        live: Mutex::new(LiveReport::default()),
         result: Mutex::new(None),
         pages: Mutex::default(),
         connections: AtomicUsize::new(0),
@@ -18,18 +18,18 @@ fn shared() -> Shared {
 
 fn status(text: &str) -> u16 {
     let text = text.replace('\n', "\r\n") + "\r\n\r\n";
-    let Ok(request) = http::read(&mut text.as_bytes(), Instant::now() + http::PATIENCE) else {
+    let Ok(request) = http::read_request(&mut text.as_bytes(), Instant::now() + http::REQUEST_TIMEOUT) else {
         return 400;
     };
     let shared = shared();
-    match allowed(&request, &shared) {
+    match authorize(&request, &shared) {
         Err((status, _)) => status,
-        Ok(below) => route(&request, below, &shared).0,
+        Ok(subpath) => route(&request, subpath, &shared).0,
     }
 }
 
 #[test]
-fn only_our_own_page_is_answered() {
+fn server_answers_only_its_own_page() {
     let get = "GET /0123456789abcdef/ HTTP/1.1\nHost: 127.0.0.1:4711";
     assert_eq!(status(get), 200);
     assert_eq!(status(&get.replace("127.0.0.1", "localhost")), 200);
@@ -62,7 +62,7 @@ fn only_our_own_page_is_answered() {
 }
 
 #[test]
-fn only_a_post_of_our_own_page_changes_anything() {
+fn server_accepts_commands_only_from_its_own_page() {
     let head = "POST /0123456789abcdef/control HTTP/1.1\nHost: 127.0.0.1:4711";
     let ours = "Origin: http://127.0.0.1:4711";
     let body = "Content-Type: application/json\nContent-Length: 0";
@@ -92,7 +92,7 @@ fn silent_connections_do_not_block_the_page() {
     let server = Server::start(0, Arc::new(Steering::default()), &[]).unwrap();
     let port = server.shared.port;
     let connect = || TcpStream::connect((Ipv4Addr::LOCALHOST, port)).unwrap();
-    let silent: Vec<TcpStream> = (0..4 * SILENT).map(|_| connect()).collect();
+    let silent: Vec<TcpStream> = (0..4 * SILENT_MAX).map(|_| connect()).collect();
     let mut stream = connect();
     let path = format!("/{}/", server.shared.token);
     let request = format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
@@ -104,28 +104,28 @@ fn silent_connections_do_not_block_the_page() {
 }
 
 #[test]
-fn the_end_waits_for_a_page_that_was_sent_and_has_asked_for_nothing_yet() {
+fn server_end_waits_for_page_without_a_request_yet() {
     let shared = shared();
     let start = Instant::now();
-    let waits = || locked(&shared.pages).wait(start);
+    let waits = || locked(&shared.pages).has_pending(start);
     assert!(!waits());
-    let get = |below: &str| {
-        let text = format!("GET /0123456789abcdef/{below} HTTP/1.1\r\nHost: 127.0.0.1:4711\r\n\r\n");
-        let Ok(request) = http::read(&mut text.as_bytes(), Instant::now() + http::PATIENCE) else {
+    let get = |subpath: &str| {
+        let text = format!("GET /0123456789abcdef/{subpath} HTTP/1.1\r\nHost: 127.0.0.1:4711\r\n\r\n");
+        let Ok(request) = http::read_request(&mut text.as_bytes(), Instant::now() + http::REQUEST_TIMEOUT) else {
             panic!("{text}");
         };
-        let below = allowed(&request, &shared).unwrap();
-        route(&request, below, &shared)
+        let subpath = authorize(&request, &shared).unwrap();
+        route(&request, subpath, &shared)
     };
     // The run has not begun, so this page asks for the report a second later.
-    assert_eq!(get("").2, SOON);
+    assert_eq!(get("").2, WAITING_PAGE);
     assert!(waits());
     get("news?page=a&have=");
     assert!(waits());
 }
 
 #[test]
-fn commands_are_read_strictly() {
+fn live_commands_are_parsed_strictly() {
     assert_eq!(command(br#"{"do":"pause"}"#), Ok(LiveCommand::Pause));
     assert_eq!(
         command(br#"{"do":"step","participant":"plant"}"#),

@@ -4,34 +4,34 @@ use std::sync::Arc;
 
 use lockstep::participant::PendingStep;
 
-use crate::run::handle::{Conduct, Run};
+use crate::run::handle::{LoopExit, Run};
 use crate::run::options::Options;
 use crate::run::outcome::{Outcome, RunFailure};
 use crate::scenario::Scenario;
 
 /// A run in one loop of this process that stops wherever a step is to be done together with those of other runs.
-pub(crate) struct Abreast {
+pub(crate) struct BatchedRun {
     run: Run,
 }
 
-impl Abreast {
+impl BatchedRun {
     /// A run before its first step.
     ///
     /// # Errors
     /// As [`Run::begin`].
-    pub(crate) fn begin(scenario: Arc<Scenario>, options: Options) -> Result<Abreast, RunFailure> {
+    pub(crate) fn begin(scenario: Arc<Scenario>, options: Options) -> Result<BatchedRun, RunFailure> {
         let mut run = Run::begin(scenario, options, false)?;
         run.executor.park();
-        run.set_out(None);
-        Ok(Abreast { run })
+        run.begin_advance(None);
+        Ok(BatchedRun { run })
     }
 
     /// Continues to the next such step, which [`Abreast::pending`] then returns; `false` at the end of the run.
     pub(crate) fn advance(&mut self) -> bool {
-        match self.run.conduct(None) {
-            Conduct::Parked => true,
-            over => {
-                self.run.arrive(None, over);
+        match self.run.run_loop(None) {
+            LoopExit::Parked => true,
+            exit => {
+                self.run.end_advance(None, exit);
                 false
             }
         }

@@ -11,51 +11,51 @@ use lockstep::time::Ticks;
 use tape::folder::RunFolder;
 
 use super::direct::Direct;
-use super::logs::Said;
+use super::logs::SharedLogs;
 use crate::observer::Event as Report;
-use crate::run::executor::{Account, Executor, Slot, Turn};
+use crate::run::executor::{Executor, ExecutorReport, Slot, Turn};
 use crate::run::failed::FailedParticipant;
-use crate::run::log::flood;
+use crate::run::log::full_log_reason;
 use crate::run::options::Options;
 use crate::run::outcome::{Ending, RunFailure};
-use crate::run::prepare::Made;
+use crate::run::prepare::MadeParticipants;
 use crate::run::recording::recorder::Recorder;
 use crate::run::saved::checkpoint::{cannot_save, save_failed};
 use crate::run::state::RunState;
 use crate::scenario::{Entry, ORCHESTRATOR, Program, Scenario};
 
 /// Activations between two looks at the clock and the signals.
-const GLANCE: i64 = 512;
+const ACTIVATIONS_PER_CHECK: i64 = 512;
 /// The pause between polls while no participant may proceed.
-const NAP: Duration = Duration::from_millis(1);
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
 /// With a live page, recorded samples are flushed at least this often.
-const FLUSH: Duration = Duration::from_millis(50);
+const FLUSH_INTERVAL: Duration = Duration::from_millis(50);
 
 /// All participants of a run in one loop.
-pub(crate) struct Loop {
-    /// Always present, except while the loop is being rebuilt to go back.
-    looped: Option<InLoop>,
+pub(crate) struct LoopExecutor {
+    /// Always present, except while the loop is being rebuilt for a restored checkpoint.
+    in_loop: Option<InLoop>,
     reached: Ticks,
     /// Where the present stretch ends, while it waits for a step to be done together with those of other runs.
     parked: Option<Ticks>,
-    flushed: Instant,
+    last_flush: Instant,
     /// The participant that is held before each step.
     hold: Option<usize>,
-    said: Said,
+    logs: SharedLogs,
 }
 
 /// The participants in the slots of a run when it begins.
-pub(crate) fn in_slots(
+pub(crate) fn create_participants(
     scenario: &Scenario,
     options: &Options,
     entries: &[Entry],
-    made: Made,
+    made: MadeParticipants,
 ) -> Result<Vec<Box<dyn Participant>>, RunFailure> {
     // A program that cannot run in this process is refused now, not at its substitution.
-    let elsewhere =
+    let cannot_run_here =
         |entry: &&Entry| entry.program.is_external() && scenario.builtins().factory_within(&entry.program).is_none();
-    if let Some(entry) = entries.iter().find(elsewhere) {
-        return Err(outside(scenario, entry));
+    if let Some(entry) = entries.iter().find(cannot_run_here) {
+        return Err(external_program_refusal(scenario, entry));
     }
     for substitution in &scenario.substitutions {
         if !matches!(substitution.entry.program, Program::Builtin(_)) {
@@ -79,9 +79,9 @@ pub(crate) fn set_up(
     recorder: &Arc<Mutex<Recorder>>,
     mut participants: Vec<Box<dyn Participant>>,
     folder: Option<&RunFolder>,
-) -> Result<Loop, RunFailure> {
-    let said = Said::new(folder);
-    let mut looped = match positions {
+) -> Result<LoopExecutor, RunFailure> {
+    let logs = SharedLogs::new(folder);
+    let mut in_loop = match positions {
         None => InLoop::new(plan, parts(plan, participants, recorder)),
         Some(mut positions) => {
             for (number, (participant, position)) in participants.iter_mut().zip(&mut positions).enumerate() {
@@ -92,22 +92,22 @@ pub(crate) fn set_up(
                     t,
                     true,
                     state.as_deref(),
-                    &log(plan, number, &said),
+                    &log(plan, number, &logs),
                 )
-                .map_err(|error| odd(&entries[number], error))?;
+                .map_err(|error| participant_failure(&entries[number], error))?;
             }
             let parts = parts(plan, participants, recorder);
             InLoop::resume(plan, parts, positions).map_err(|error| RunFailure::Other(error.to_string()))?
         }
     };
-    looped.log_to(&said.sink());
-    Ok(Loop {
-        looped: Some(looped),
+    in_loop.log_to(&logs.sink());
+    Ok(LoopExecutor {
+        in_loop: Some(in_loop),
         reached: from,
         parked: None,
-        flushed: Instant::now(),
+        last_flush: Instant::now(),
         hold: None,
-        said,
+        logs,
     })
 }
 
@@ -130,7 +130,7 @@ impl From<RunError> for Ending {
 }
 
 /// A mistake of the user, like everything that is refused before the run.
-fn outside(scenario: &Scenario, entry: &Entry) -> RunFailure {
+fn external_program_refusal(scenario: &Scenario, entry: &Entry) -> RunFailure {
     let name = &entry.setup.name;
     let reason = format!(
         "participant `{name}` is a program of its own, {}, which cannot run in this process: leave out --in-process, or make it a plug-in",
@@ -141,7 +141,9 @@ fn outside(scenario: &Scenario, entry: &Entry) -> RunFailure {
 
 /// A participant that can run in this process.
 fn make(scenario: &Scenario, entry: &Entry) -> Result<Box<dyn Participant>, RunFailure> {
-    scenario.participant(entry)?.ok_or_else(|| outside(scenario, entry))
+    scenario
+        .participant(entry)?
+        .ok_or_else(|| external_program_refusal(scenario, entry))
 }
 
 fn parts(
@@ -164,11 +166,11 @@ fn instant(plan: &Plan, number: usize, next: u64) -> f64 {
 }
 
 /// The log of participant number `number`.
-fn log(plan: &Plan, number: usize, said: &Said) -> Log {
-    Log::new(&plan.participants[number].name, Some(said.sink()))
+fn log(plan: &Plan, number: usize, logs: &SharedLogs) -> Log {
+    Log::new(&plan.participants[number].name, Some(logs.sink()))
 }
 
-fn odd(entry: &Entry, error: impl ToString) -> RunFailure {
+fn participant_failure(entry: &Entry, error: impl ToString) -> RunFailure {
     RunFailure::Participant {
         participant: entry.setup.name.clone(),
         reason: error.to_string(),
@@ -176,20 +178,20 @@ fn odd(entry: &Entry, error: impl ToString) -> RunFailure {
 }
 
 /// The participant in a slot when the run is resumed; `now` is the present participant, which is about to do activation `next`.
-fn slot(
+fn fill_slot(
     run_state: &RunState,
     number: usize,
     next: u64,
     slot: Slot,
     now: Option<Box<dyn Participant>>,
-    said: &Said,
+    logs: &SharedLogs,
 ) -> Result<Option<Box<dyn Participant>>, RunFailure> {
     let t = instant(&run_state.plan, number, next);
-    let log = log(&run_state.plan, number, said);
+    let log = log(&run_state.plan, number, logs);
     match (slot, now) {
         (Slot::Same(state), Some(mut participant)) => {
             prepare_to_resume(participant.as_mut(), t, false, state.as_deref(), &log)
-                .map_err(|error| odd(&run_state.entries[number], error))?;
+                .map_err(|error| participant_failure(&run_state.entries[number], error))?;
             Ok(Some(participant))
         }
         (Slot::Same(_), None) => Ok(None),
@@ -197,27 +199,27 @@ fn slot(
             if let Some(mut now) = now {
                 terminate(now.as_mut(), Termination::Replaced, &log);
             }
-            let mut newcomer = make(&run_state.scenario, &entry)?;
-            if let Some(difference) = newcomer
+            let mut replacement = make(&run_state.scenario, &entry)?;
+            if let Some(difference) = replacement
                 .interface()
                 .difference(&run_state.plan.participants[number].interface)
             {
                 let reason = format!("describes other ports than expected: {difference}");
-                return Err(odd(&entry, reason));
+                return Err(participant_failure(&entry, reason));
             }
-            prepare_to_resume(newcomer.as_mut(), t, true, state.as_deref(), &log)
-                .map_err(|error| odd(&entry, error))?;
-            Ok(Some(newcomer))
+            prepare_to_resume(replacement.as_mut(), t, true, state.as_deref(), &log)
+                .map_err(|error| participant_failure(&entry, error))?;
+            Ok(Some(replacement))
         }
     }
 }
 
-fn interrupted(t_s: f64) -> Ending {
+fn interrupted_ending(t_s: f64) -> Ending {
     let reason = format!("interrupted at t = {t_s} s");
     Ending::Stopped { reason }
 }
 
-impl Loop {
+impl LoopExecutor {
     /// The end of the next stretch: as far as the clock controller grants, and short enough to look at the clock and the signals in time.
     fn next_horizon(&self, run_state: &mut RunState) -> Ticks {
         let reached = self.reached;
@@ -225,62 +227,64 @@ impl Loop {
             .plan
             .participants
             .iter()
-            .map(|own| own.sample_time.period)
+            .map(|planned| planned.sample_time.period)
             .min();
-        let stretch = shortest.unwrap_or(1).saturating_mul(GLANCE);
+        let stretch = shortest.unwrap_or(1).saturating_mul(ACTIVATIONS_PER_CHECK);
         let horizon = run_state.clock.horizon(reached).min(reached.saturating_add(stretch));
         if horizon == reached && horizon > 0 && run_state.clock.stop() != Some(reached) {
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL_INTERVAL);
         }
         horizon
     }
 
     /// Runs the participants up to `horizon`, or up to the step of the participant that is to be held.
-    fn stretch(&mut self, run_state: &mut RunState, horizon: Ticks) -> Result<StopReason, RunError> {
-        let Some(looped) = &mut self.looped else {
+    fn run_up_to(&mut self, run_state: &mut RunState, horizon: Ticks) -> Result<StopReason, RunError> {
+        let Some(in_loop) = &mut self.in_loop else {
             return Ok(StopReason::Horizon);
         };
-        let RunState { times, clock, .. } = run_state;
-        let wants = times.wants();
-        let watch = |event| match event {
-            _ if !wants => {}
-            LoopEvent::Started => times.begins(),
+        let RunState {
+            span_analysis, clock, ..
+        } = run_state;
+        let needs_spans = span_analysis.needs_spans();
+        let observe = |event| match event {
+            _ if !needs_spans => {}
+            LoopEvent::Started => span_analysis.step_begins(),
             LoopEvent::Stepped {
                 participant,
                 activation,
-            } => times.stepped(participant, activation, clock),
+            } => span_analysis.step_ends(participant, activation, clock),
         };
         match self.hold {
-            Some(number) => looped.run_before(number, horizon, watch),
-            None if wants => looped.run_to(horizon, watch),
-            None => looped.run_to(horizon, |_| {}),
+            Some(number) => in_loop.run_before(number, horizon, observe),
+            None if needs_spans => in_loop.run_to(horizon, observe),
+            None => in_loop.run_to(horizon, |_| {}),
         }
     }
 }
 
-impl Executor for Loop {
+impl Executor for LoopExecutor {
     fn turn(&mut self, run_state: &mut RunState) -> Result<Turn, Ending> {
         let horizon = self.parked.unwrap_or_else(|| self.next_horizon(run_state));
-        let reach = self.stretch(run_state, horizon);
-        self.said.tell(&run_state.options.progress);
+        let reach = self.run_up_to(run_state, horizon);
+        self.logs.report_to(&run_state.options.progress);
         let reach = reach?;
         self.parked = (reach == StopReason::Deferred).then_some(horizon);
         if reach == StopReason::Deferred {
             return Ok(Turn::Parked);
         }
         let (plan, reached) = (run_state.plan.clone(), self.reached);
-        let steppers = self.looped.as_ref().map(InLoop::steppers).unwrap_or_default();
-        let forgotten = run_state
+        let steppers = self.in_loop.as_ref().map(InLoop::steppers).unwrap_or_default();
+        let dropped = run_state
             .recorder()
-            .forget(|_, number| steppers[number].next_activation());
-        forgotten.map_err(|failure| run_state.over(failure))?;
+            .drop_unneeded(|_, number| steppers[number].next_activation());
+        dropped.map_err(|failure| run_state.ending_of(failure))?;
         let violation = run_state.recorder().take_violation();
         if let Some((number, reason)) = violation {
             let participant = run_state.name(number).to_owned();
             return Err(Ending::Failed { participant, reason });
         }
-        if let Some(participant) = self.said.full() {
-            let reason = flood();
+        if let Some(participant) = self.logs.full() {
+            let reason = full_log_reason();
             return Err(Ending::Failed { participant, reason });
         }
         if reach == StopReason::Held
@@ -290,55 +294,55 @@ impl Executor for Loop {
             let t_s = plan.timebase.seconds(at);
             run_state.options.progress.report(Report::Time { t_s });
             return Ok(match run_state.options.interrupt.asked() {
-                true => Turn::Over(interrupted(t_s)),
+                true => Turn::Over(interrupted_ending(t_s)),
                 false => Turn::Held(at),
             });
         }
-        run_state.tell(horizon, horizon == reached);
+        run_state.report_progress(horizon, horizon == reached);
         self.reached = horizon;
         let t_s = plan.timebase.seconds(horizon);
         run_state.options.progress.report(Report::Time { t_s });
         if run_state.options.interrupt.asked() {
-            return Ok(Turn::Over(interrupted(t_s)));
+            return Ok(Turn::Over(interrupted_ending(t_s)));
         }
-        if let Some(reason) = run_state.times.stops() {
+        if let Some(reason) = run_state.span_analysis.stop_reason() {
             let reason = reason.to_owned();
             return Ok(Turn::Over(Ending::Stopped { reason }));
         }
         if horizon >= plan.end {
             return Ok(Turn::Over(Ending::Complete));
         }
-        if run_state.options.steering.is_some() && self.flushed.elapsed() > FLUSH {
-            self.flushed = Instant::now();
+        if run_state.options.steering.is_some() && self.last_flush.elapsed() > FLUSH_INTERVAL {
+            self.last_flush = Instant::now();
             let flushed = run_state.recorder().flush();
-            flushed.map_err(|error| Ending::own(error.to_string()))?;
+            flushed.map_err(|error| Ending::orchestrator_failed(error.to_string()))?;
         }
         match run_state.clock.stop() {
-            Some(stop) if stop == horizon => Ok(Turn::Rests(stop)),
-            _ => Ok(Turn::Going),
+            Some(stop) if stop == horizon => Ok(Turn::Paused(stop)),
+            _ => Ok(Turn::Continue),
         }
     }
 
     fn park(&mut self) {
-        self.looped.iter_mut().for_each(InLoop::defer_steps);
+        self.in_loop.iter_mut().for_each(InLoop::defer_steps);
     }
 
     fn pending(&mut self) -> Option<PendingStep<'_>> {
-        self.looped.as_mut()?.pending()
+        self.in_loop.as_mut()?.pending()
     }
 
-    fn rests_at(&self, now: Ticks) -> bool {
+    fn has_reached(&self, now: Ticks) -> bool {
         self.reached == now
     }
 
     fn save(&mut self, run_state: &RunState, number: usize) -> Result<Vec<u8>, RunFailure> {
-        let steppers = self.looped.as_ref().map(InLoop::steppers).unwrap_or_default();
+        let steppers = self.in_loop.as_ref().map(InLoop::steppers).unwrap_or_default();
         let state = steppers
             .get(number)
             .map_or(Ok(None), |stepper| state::of(stepper.participant()));
         let entry = &run_state.entries[number];
-        let state = state.map_err(|reason| odd(entry, save_failed(&reason)))?;
-        state.ok_or_else(|| odd(entry, cannot_save()))
+        let state = state.map_err(|reason| participant_failure(entry, save_failed(&reason)))?;
+        state.ok_or_else(|| participant_failure(entry, cannot_save()))
     }
 
     fn continue_at(
@@ -346,71 +350,71 @@ impl Executor for Loop {
         run_state: &mut RunState,
         cut: &Cut,
         slots: Vec<Slot>,
-        back: bool,
+        rewind: bool,
     ) -> Result<Vec<FailedParticipant>, RunFailure> {
-        let newcomers: Vec<Option<Entry>> = (slots.iter())
+        let replacements: Vec<Option<Entry>> = (slots.iter())
             .map(|slot| match slot {
                 Slot::New(entry, _) => Some((**entry).clone()),
                 Slot::Same(_) => None,
             })
             .collect();
-        if back {
-            let Some(looped) = self.looped.take() else {
+        if rewind {
+            let Some(in_loop) = self.in_loop.take() else {
                 return Err(RunFailure::Other("the run is over".into()));
             };
-            let in_slots = looped.into_participants().into_iter().zip(slots).enumerate();
-            let participants = in_slots.filter_map(|(number, (now, one))| {
-                slot(run_state, number, cut.next[number], one, Some(now), &self.said).transpose()
+            let slotted = in_loop.into_participants().into_iter().zip(slots).enumerate();
+            let participants = slotted.filter_map(|(number, (now, one))| {
+                fill_slot(run_state, number, cut.next[number], one, Some(now), &self.logs).transpose()
             });
             let participants = participants.collect::<Result<Vec<_>, _>>()?;
             let positions = run_state.positions(cut)?;
             let parts = parts(&run_state.plan, participants, &run_state.recorder);
-            let looped = InLoop::resume(&run_state.plan, parts, positions);
-            let mut looped = looped.map_err(|error| RunFailure::Other(error.to_string()))?;
-            looped.log_to(&self.said.sink());
-            self.looped = Some(looped);
-        } else if let Some(looped) = &mut self.looped {
+            let in_loop = InLoop::resume(&run_state.plan, parts, positions);
+            let mut in_loop = in_loop.map_err(|error| RunFailure::Other(error.to_string()))?;
+            in_loop.log_to(&self.logs.sink());
+            self.in_loop = Some(in_loop);
+        } else if let Some(in_loop) = &mut self.in_loop {
             // The other participants are not affected when a slot gets another program.
             for (number, one) in slots.into_iter().enumerate() {
                 if let Slot::New(..) = one {
-                    looped.notify_replaced(number);
+                    in_loop.notify_replaced(number);
                 }
-                if let Some(newcomer) = slot(run_state, number, cut.next[number], one, None, &self.said)? {
-                    looped.replace(number, newcomer);
+                if let Some(replacement) = fill_slot(run_state, number, cut.next[number], one, None, &self.logs)? {
+                    in_loop.replace(number, replacement);
                 }
             }
         }
-        run_state.recorder().stand_at(cut);
-        for (entry, newcomer) in run_state.entries.iter_mut().zip(newcomers) {
-            if let Some(newcomer) = newcomer {
-                *entry = newcomer;
+        run_state.recorder().continue_at(cut);
+        for (entry, replacement) in run_state.entries.iter_mut().zip(replacements) {
+            if let Some(replacement) = replacement {
+                *entry = replacement;
             }
         }
         Ok(Vec::new())
     }
 
-    fn show_inputs(&mut self, run_state: &mut RunState, _: &Cut) -> Result<Vec<FailedParticipant>, RunFailure> {
-        if let Some(looped) = &mut self.looped {
+    fn apply_inputs(&mut self, run_state: &mut RunState, _: &Cut) -> Result<Vec<FailedParticipant>, RunFailure> {
+        if let Some(in_loop) = &mut self.in_loop {
             for (participant, input, payload) in run_state.inputs.iter() {
-                looped.set_input(participant, input, payload);
+                in_loop.set_input(participant, input, payload);
             }
         }
         Ok(Vec::new())
     }
 
-    fn went_back(&mut self, to: Ticks) {
+    fn set_reached(&mut self, to: Ticks) {
         self.reached = to;
     }
 
-    fn outlives_failures(&self) -> bool {
+    fn isolates_failures(&self) -> bool {
         false
     }
 
-    fn survive(&mut self, _: &mut RunState, ending: Ending) -> Result<(), Ending> {
+    fn handle_failure(&mut self, _: &mut RunState, ending: Ending) -> Result<(), Ending> {
         Err(ending)
     }
 
-    fn note_failures(&mut self, _: Vec<FailedParticipant>) {}
+    fn register_failures(&mut self, _: Vec<FailedParticipant>) {}
 
     fn processes(&self) -> String {
         format!("process {}", std::process::id())
@@ -420,44 +424,44 @@ impl Executor for Loop {
         None
     }
 
-    fn renew_patience(&mut self) {}
+    fn restart_timeout(&mut self) {}
 
     fn hold(&mut self, number: usize) -> Option<Ticks> {
         self.hold = Some(number);
-        let stepper = self.looped.as_ref()?.steppers().get(number)?;
+        let stepper = self.in_loop.as_ref()?.steppers().get(number)?;
         let next = stepper.next_activation() + u64::from(stepper.is_held());
         Some(stepper.assignment().sample_time.instant(next))
     }
 
-    fn let_go(&mut self) {
+    fn release_hold(&mut self) {
         self.hold = None;
     }
 
     fn held(&self) -> Option<&Stepper> {
-        let stepper = self.looped.as_ref()?.steppers().get(self.hold?)?;
+        let stepper = self.in_loop.as_ref()?.steppers().get(self.hold?)?;
         stepper.is_held().then_some(stepper)
     }
 
     fn answer(&mut self, output: usize, payload: &[u8]) {
-        if let (Some(looped), Some(number)) = (&mut self.looped, self.hold) {
-            looped.set_output(number, output, payload);
+        if let (Some(in_loop), Some(number)) = (&mut self.in_loop, self.hold) {
+            in_loop.set_output(number, output, payload);
         }
     }
 
-    fn said(&self, participant: &str) -> Option<String> {
-        Some(self.said.newest(participant))
+    fn newest_log(&self, participant: &str) -> Option<String> {
+        Some(self.logs.newest(participant))
     }
 
-    fn bring_down(&mut self, run_state: &mut RunState) {
-        self.looped = None;
-        self.said.tell(&run_state.options.progress);
+    fn shut_down(&mut self, run_state: &mut RunState) {
+        self.in_loop = None;
+        self.logs.report_to(&run_state.options.progress);
     }
 
-    fn account(&self) -> Account {
-        Account {
+    fn report(&self) -> ExecutorReport {
+        ExecutorReport {
             placement: "all participants in one loop of one process".into(),
-            logs: self.said.kept(),
-            ..Account::default()
+            logs: self.logs.in_memory(),
+            ..ExecutorReport::default()
         }
     }
 }

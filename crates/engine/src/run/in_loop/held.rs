@@ -1,11 +1,11 @@
-//! A rest within an instant: a participant is held before its step, its inputs can be read, and its outputs can be given in its
-//! place.
+//! A pause within an instant: a participant is held before its step, its inputs can be read, and its outputs can be set instead of
+//! the step.
 
 use lockstep::participant::{Interface, Payload};
 use lockstep::port::{Descriptor, Message};
 use tape::{Event, EventKind};
 
-use crate::run::handle::{Over, Run};
+use crate::run::handle::{Run, RunEnd};
 use crate::run::outcome::{Ending, RunFailure};
 use crate::run::recording::newest::Sample;
 
@@ -18,9 +18,9 @@ impl Run {
     /// # Errors
     /// When there is no such participant, or the run is in processes; [`RunFailure::Over`].
     pub fn run_before(&mut self, participant: &str) -> Result<bool, RunFailure> {
-        let number = self.number_of(participant)?;
+        let number = self.participant_number(participant)?;
         if self.over.is_some() {
-            return Err(self.ended());
+            return Err(self.over_failure());
         }
         let Some(next) = self.executor.hold(number) else {
             return Err(RunFailure::Participant {
@@ -34,8 +34,8 @@ impl Run {
         self.advance(Some(next.saturating_add(1)));
         match &self.over {
             None => Ok(true),
-            Some(Over { ending, .. }) if *ending == Ending::Complete => Ok(false),
-            Some(_) => Err(self.ended()),
+            Some(RunEnd { ending, .. }) if *ending == Ending::Complete => Ok(false),
+            Some(_) => Err(self.over_failure()),
         }
     }
 
@@ -44,7 +44,7 @@ impl Run {
     /// # Errors
     /// When there is no such participant.
     pub fn interface(&self, participant: &str) -> Result<&Interface, RunFailure> {
-        let number = self.number_of(participant)?;
+        let number = self.participant_number(participant)?;
         Ok(&self.run_state.plan.participants[number].interface)
     }
 
@@ -54,18 +54,18 @@ impl Run {
     /// # Errors
     /// When the participant is not held, or has no such input.
     pub fn shown(&self, port: &str) -> Result<Sample, RunFailure> {
-        let (name, input) = self.port_of_held(port)?;
-        let own = self.executor.held().ok_or_else(|| not_held(port, name))?;
-        let inputs = &own.assignment().interface.inputs;
-        let number = find(port, "input", input, inputs.iter().map(|one| &one.name))?;
+        let (name, input) = self.split_held_port(port)?;
+        let stepper = self.executor.held().ok_or_else(|| not_held(port, name))?;
+        let inputs = &stepper.assignment().interface.inputs;
+        let number = port_number(port, "input", input, inputs.iter().map(|one| &one.name))?;
         let descriptor = inputs[number].descriptor.clone();
         let mut payload = Payload::zeroed(descriptor.size as usize);
-        payload.bytes_mut().copy_from_slice(own.input_value(number));
+        payload.bytes_mut().copy_from_slice(stepper.input_value(number));
         Ok(Sample {
             name: port.to_owned(),
             descriptor,
-            index: own.next_activation(),
-            stamp_s: own.next_seconds(),
+            index: stepper.next_activation(),
+            stamp_s: stepper.next_seconds(),
             payload,
         })
     }
@@ -88,10 +88,10 @@ impl Run {
     }
 
     fn answer_as(&mut self, port: &str, payload: &[u8], message: Option<&Descriptor>) -> Result<(), RunFailure> {
-        let (name, output) = self.port_of_held(port)?;
-        let own = self.executor.held().ok_or_else(|| not_held(port, name))?;
-        let outputs = &own.assignment().interface.outputs;
-        let number = find(port, "output", output, outputs.iter().map(|one| &one.name))?;
+        let (name, output) = self.split_held_port(port)?;
+        let stepper = self.executor.held().ok_or_else(|| not_held(port, name))?;
+        let outputs = &stepper.assignment().interface.outputs;
+        let number = port_number(port, "output", output, outputs.iter().map(|one| &one.name))?;
         let descriptor = &outputs[number].descriptor;
         let refuse = |reason: String| {
             let port = port.to_owned();
@@ -112,13 +112,13 @@ impl Run {
         if let Some(invalid) = descriptor.invalid(payload).next() {
             return refuse(format!("cannot be given {}", invalid.describe("a value")));
         }
-        self.give(number, payload)
+        self.set_output(number, payload)
     }
 
     /// What input number `input` shows to the participant that is held, without a lookup by name; `None` if no participant is held.
     pub fn shown_at(&self, input: usize) -> Option<&[u8]> {
-        let own = self.executor.held()?;
-        (input < own.assignment().interface.inputs.len()).then(|| own.input_value(input))
+        let stepper = self.executor.held()?;
+        (input < stepper.assignment().interface.inputs.len()).then(|| stepper.input_value(input))
     }
 
     /// Gives output number `output` of the participant that is held, without a lookup by name. A value that is not finite ends the
@@ -127,18 +127,21 @@ impl Run {
     /// # Errors
     /// When the tape cannot be written.
     pub fn answer_at(&mut self, output: usize, payload: &[u8]) -> Result<bool, RunFailure> {
-        let outputs = self.executor.held().map(|own| &own.assignment().interface.outputs);
+        let outputs = self
+            .executor
+            .held()
+            .map(|stepper| &stepper.assignment().interface.outputs);
         let port = outputs.and_then(|outputs| outputs.get(output));
         if port.is_none_or(|port| port.descriptor.size as usize != payload.len()) {
             return Ok(false);
         }
-        self.give(output, payload).map(|()| true)
+        self.set_output(output, payload).map(|()| true)
     }
 
-    fn give(&mut self, output: usize, payload: &[u8]) -> Result<(), RunFailure> {
+    fn set_output(&mut self, output: usize, payload: &[u8]) -> Result<(), RunFailure> {
         if !self.answered {
             // Recorded once: from here on the tape does not follow from the scenario alone.
-            let participant = self.executor.held().map(|own| own.assignment().name.clone());
+            let participant = self.executor.held().map(|stepper| stepper.assignment().name.clone());
             let event = Event {
                 time: self.now(),
                 kind: EventKind::Note,
@@ -152,24 +155,24 @@ impl Run {
         Ok(())
     }
 
-    /// Refuses operations that need a rest between two instants.
-    pub(crate) fn refuse_held(&self, what: &str) -> Result<(), RunFailure> {
+    /// Refuses operations that need a pause between two instants.
+    pub(crate) fn reject_if_held(&self, what: &str) -> Result<(), RunFailure> {
         match self.executor.held() {
-            Some(own) if self.held => Err(RunFailure::Instant {
+            Some(stepper) if self.held => Err(RunFailure::Instant {
                 time: self.now().to_string(),
                 reason: format!(
                     "is not over: `{}` is held before its activation there, and others have done theirs; {what}",
-                    own.assignment().name
+                    stepper.assignment().name
                 ),
             }),
             _ => Ok(()),
         }
     }
 
-    fn number_of(&self, participant: &str) -> Result<usize, RunFailure> {
+    fn participant_number(&self, participant: &str) -> Result<usize, RunFailure> {
         self.run_state.plan.participant(participant).ok_or_else(|| {
             let known: Vec<String> = (self.run_state.plan.participants.iter())
-                .map(|own| format!("`{}`", own.name))
+                .map(|planned| format!("`{}`", planned.name))
                 .collect();
             RunFailure::Participant {
                 participant: participant.to_owned(),
@@ -179,13 +182,13 @@ impl Run {
     }
 
     /// Splits `PARTICIPANT.PORT`; the participant must be the one that is held.
-    fn port_of_held<'a>(&self, port: &'a str) -> Result<(&'a str, &'a str), RunFailure> {
-        let (name, own) = port.split_once('.').ok_or_else(|| RunFailure::Port {
+    fn split_held_port<'a>(&self, port: &'a str) -> Result<(&'a str, &'a str), RunFailure> {
+        let (name, port_name) = port.split_once('.').ok_or_else(|| RunFailure::Port {
             port: port.to_owned(),
             reason: "is not a port: write \"PARTICIPANT.PORT\"".into(),
         })?;
         match self.executor.held() {
-            Some(held) if held.assignment().name == name => Ok((name, own)),
+            Some(held) if held.assignment().name == name => Ok((name, port_name)),
             _ => Err(not_held(port, name)),
         }
     }
@@ -199,7 +202,12 @@ fn not_held(port: &str, name: &str) -> RunFailure {
 }
 
 /// The number of the port called `name`.
-fn find<'a>(port: &str, what: &str, name: &str, all: impl Iterator<Item = &'a String>) -> Result<usize, RunFailure> {
+fn port_number<'a>(
+    port: &str,
+    what: &str,
+    name: &str,
+    all: impl Iterator<Item = &'a String>,
+) -> Result<usize, RunFailure> {
     let all: Vec<&String> = all.collect();
     let known = || all.iter().map(|one| format!("`{one}`")).collect::<Vec<_>>().join(", ");
     all.iter().position(|one| *one == name).ok_or_else(|| RunFailure::Port {

@@ -4,15 +4,15 @@ use lockstep::plan::Plan;
 use lockstep::span::{Span, SpanActivity};
 use lockstep::time::Ticks;
 
-use super::horizon::ClockController;
+use super::clock_controller::ClockController;
 use super::punctuality::{Lateness, Punctuality};
 use crate::run::options::Overrun;
 
 /// Evaluates steps as they come.
-pub(crate) struct Watchman {
-    asked: f64,
+pub(crate) struct LatenessMonitor {
+    requested: f64,
     overrun: Overrun,
-    all: Vec<Own>,
+    participants: Vec<ParticipantLateness>,
     /// The first overrun, in words.
     first: Option<String>,
     /// The stretch of the newest step: its number, the wall time from its beginning until the newest instant with a step was due,
@@ -23,7 +23,7 @@ pub(crate) struct Watchman {
 }
 
 /// The data of one participant.
-struct Own {
+struct ParticipantLateness {
     histogram: Histogram,
     overruns: u64,
     too_long: u64,
@@ -32,19 +32,19 @@ struct Own {
     work_ns: u64,
 }
 
-impl Watchman {
-    pub(crate) fn new(participants: usize, asked: f64, overrun: Overrun) -> Watchman {
-        let own = |_| Own {
+impl LatenessMonitor {
+    pub(crate) fn new(participants: usize, requested: f64, overrun: Overrun) -> LatenessMonitor {
+        let empty = |_| ParticipantLateness {
             histogram: Histogram::default(),
             overruns: 0,
             too_long: 0,
             largest_at: 0,
             work_ns: 0,
         };
-        Watchman {
-            asked,
+        LatenessMonitor {
+            requested,
             overrun,
-            all: (0..participants).map(own).collect(),
+            participants: (0..participants).map(empty).collect(),
             first: None,
             newest: (0, 0.0, 0.0),
             before: (0.0, 0.0),
@@ -52,7 +52,7 @@ impl Watchman {
     }
 
     /// Evaluates a span of participant number `number`. The clock has looked for suspensions since the end of the span.
-    pub(crate) fn look(&mut self, number: usize, span: &Span, clock: &ClockController, plan: &Plan) {
+    pub(crate) fn evaluate(&mut self, number: usize, span: &Span, clock: &ClockController, plan: &Plan) {
         let SpanActivity::Computing { done } = span.activity else {
             return;
         };
@@ -62,22 +62,22 @@ impl Watchman {
         }
         let Some(pace) = clock.pace() else { return };
         // A suspension is neither work nor lateness.
-        let (begin_ns, end_ns) = (pace.awake(span.begin_ns), pace.awake(span.end_ns));
-        let own = &mut self.all[number];
-        own.work_ns = (own.work_ns).saturating_add(end_ns.saturating_sub(begin_ns));
+        let (begin_ns, end_ns) = (pace.active_ns(span.begin_ns), pace.active_ns(span.end_ns));
+        let entry = &mut self.participants[number];
+        entry.work_ns = (entry.work_ns).saturating_add(end_ns.saturating_sub(begin_ns));
         if !done {
             return;
         }
-        let work_ns = std::mem::take(&mut own.work_ns);
+        let work_ns = std::mem::take(&mut entry.work_ns);
         let at = participant.sample_time.instant(span.activation);
         let (due, next) = (pace.due(at), pace.due(at + participant.sample_time.period));
         let late_ns = end_ns.saturating_sub(due.ns);
-        if late_ns > own.histogram.largest || own.histogram.count == 0 {
-            own.largest_at = at;
+        if late_ns > entry.histogram.largest || entry.histogram.count == 0 {
+            entry.largest_at = at;
         }
-        own.histogram.add(late_ns);
-        let period_s = participant.period.seconds() / self.asked;
-        own.too_long += u64::from(work_ns as f64 > period_s * 1e9);
+        entry.histogram.add(late_ns);
+        let period_s = participant.period.seconds() / self.requested;
+        entry.too_long += u64::from(work_ns as f64 > period_s * 1e9);
         let late_s = late_ns as f64 * 1e-9;
         if due.stretch > self.newest.0 {
             let (_, into_s, late_s) = self.newest;
@@ -89,7 +89,7 @@ impl Watchman {
             self.newest = (due.stretch, due.into_s, late_s.max(latest));
         }
         if end_ns > next.ns {
-            own.overruns += 1;
+            entry.overruns += 1;
             let t = plan.timebase.seconds(at);
             self.first.get_or_insert_with(|| {
                 format!(
@@ -106,41 +106,45 @@ impl Watchman {
     }
 
     /// Why the run is to end here, if it is.
-    pub(crate) fn stops(&self) -> Option<&str> {
+    pub(crate) fn stop_reason(&self) -> Option<&str> {
         self.first.as_deref().filter(|_| self.overrun == Overrun::Stop)
     }
 
     /// The figures so far.
-    pub(crate) fn account(&self, plan: &Plan) -> Punctuality {
+    pub(crate) fn punctuality(&self, plan: &Plan) -> Punctuality {
         let (_, into_s, late_s) = self.newest;
         let (due_s, late_s) = (self.before.0 + into_s, self.before.1 + late_s);
-        let held = (due_s > 0.0).then(|| self.asked * due_s / (due_s + late_s));
-        let all = self.all.iter().zip(&plan.participants).map(|(own, participant)| {
-            let seconds = |ns: u64| ns as f64 * 1e-9;
-            let quantile = |part: f64| seconds(own.histogram.quantile(part));
-            let lateness = Lateness {
-                steps: own.histogram.count,
-                overruns: own.overruns,
-                too_long: own.too_long,
-                lateness_p50_s: quantile(0.5),
-                lateness_p99_s: quantile(0.99),
-                lateness_p999_s: quantile(0.999),
-                lateness_largest_s: seconds(own.histogram.largest),
-                largest_at_s: plan.timebase.seconds(own.largest_at),
-            };
-            (participant.name.clone(), lateness)
-        });
+        let held = (due_s > 0.0).then(|| self.requested * due_s / (due_s + late_s));
+        let all = self
+            .participants
+            .iter()
+            .zip(&plan.participants)
+            .map(|(entry, participant)| {
+                let seconds = |ns: u64| ns as f64 * 1e-9;
+                let quantile = |part: f64| seconds(entry.histogram.quantile(part));
+                let lateness = Lateness {
+                    steps: entry.histogram.count,
+                    overruns: entry.overruns,
+                    too_long: entry.too_long,
+                    lateness_p50_s: quantile(0.5),
+                    lateness_p99_s: quantile(0.99),
+                    lateness_p999_s: quantile(0.999),
+                    lateness_largest_s: seconds(entry.histogram.largest),
+                    largest_at_s: plan.timebase.seconds(entry.largest_at),
+                };
+                (participant.name.clone(), lateness)
+            });
         Punctuality {
-            asked: self.asked,
+            asked: self.requested,
             held,
-            kept: Punctuality::is_kept(self.asked, held),
+            kept: Punctuality::is_kept(self.requested, held),
             participants: all.collect(),
         }
     }
 }
 
 /// Buckets per factor of two: a quantile is at most a thirty-second too large.
-const PARTS: u64 = 32;
+const BUCKETS_PER_OCTAVE: u64 = 32;
 
 /// A histogram of times, ns; its size does not depend on their number.
 #[derive(Default)]
@@ -152,19 +156,19 @@ struct Histogram {
 
 impl Histogram {
     fn bucket(ns: u64) -> usize {
-        let shift = (ns / PARTS).checked_ilog2().unwrap_or(0) + u32::from(ns >= PARTS);
+        let shift = (ns / BUCKETS_PER_OCTAVE).checked_ilog2().unwrap_or(0) + u32::from(ns >= BUCKETS_PER_OCTAVE);
         match shift {
             0 => ns as usize,
-            shift => (u64::from(shift) * PARTS + (ns >> (shift - 1)) - PARTS) as usize,
+            shift => (u64::from(shift) * BUCKETS_PER_OCTAVE + (ns >> (shift - 1)) - BUCKETS_PER_OCTAVE) as usize,
         }
     }
 
     /// The largest time of a bucket, ns.
-    fn end(bucket: usize) -> u64 {
-        let (octave, part) = (bucket as u64 / PARTS, bucket as u64 % PARTS);
+    fn bucket_max(bucket: usize) -> u64 {
+        let (octave, part) = (bucket as u64 / BUCKETS_PER_OCTAVE, bucket as u64 % BUCKETS_PER_OCTAVE);
         match octave {
             0 => part,
-            octave => ((PARTS + part + 1) << (octave - 1)) - 1,
+            octave => ((BUCKETS_PER_OCTAVE + part + 1) << (octave - 1)) - 1,
         }
     }
 
@@ -187,7 +191,7 @@ impl Histogram {
         for (bucket, count) in self.buckets.iter().enumerate() {
             sum += count;
             if sum >= wanted.max(1) {
-                return Self::end(bucket).min(self.largest);
+                return Self::bucket_max(bucket).min(self.largest);
             }
         }
         0
@@ -227,47 +231,50 @@ mod tests {
     }
 
     #[test]
-    fn a_suspension_is_no_overrun_whatever_the_run_was_doing() {
+    fn lateness_monitor_counts_no_overrun_for_suspension() {
         let plan = plan();
         for suspension in [200, 996, 5000, 3_600_000] {
             let mut clock = ClockController::of_pace(&plan, 100.0);
-            let mut watchman = Watchman::new(1, 1.0, Overrun::Stop);
-            clock.look_at(100 * MS);
-            watchman.look(0, &step(9, 90, 91), &clock, &plan);
+            let mut monitor = LatenessMonitor::new(1, 1.0, Overrun::Stop);
+            clock.read_clock_at(100 * MS);
+            monitor.evaluate(0, &step(9, 90, 91), &clock, &plan);
             // The step at 100 ms was granted before the suspension, and is complete after it; the next ones come after it.
-            clock.look_at((104 + suspension) * MS);
-            watchman.look(0, &step(10, 100, 104 + suspension), &clock, &plan);
+            clock.read_clock_at((104 + suspension) * MS);
+            monitor.evaluate(0, &step(10, 100, 104 + suspension), &clock, &plan);
             for activation in 11..=60 {
                 let at = 10 * activation + suspension;
-                clock.look_at((at + 4) * MS);
-                watchman.look(0, &step(activation, at + 3, at + 4), &clock, &plan);
+                clock.read_clock_at((at + 4) * MS);
+                monitor.evaluate(0, &step(activation, at + 3, at + 4), &clock, &plan);
             }
-            assert_eq!(watchman.stops(), None);
-            let account = watchman.account(&plan);
-            let own = &account.participants["a"];
-            assert_eq!((own.overruns, own.too_long, own.steps), (0, 0, 52));
-            assert!(own.lateness_largest_s <= 5e-3 && account.kept, "{account:?}");
+            assert_eq!(monitor.stop_reason(), None);
+            let punctuality = monitor.punctuality(&plan);
+            let lateness = &punctuality.participants["a"];
+            assert_eq!((lateness.overruns, lateness.too_long, lateness.steps), (0, 0, 52));
+            assert!(
+                lateness.lateness_largest_s <= 5e-3 && punctuality.kept,
+                "{punctuality:?}"
+            );
         }
     }
 
     #[test]
-    fn a_step_that_takes_long_is_an_overrun() {
+    fn lateness_monitor_counts_overrun_for_long_step() {
         let plan = plan();
         let mut clock = ClockController::of_pace(&plan, 100.0);
-        let mut watchman = Watchman::new(1, 1.0, Overrun::Stop);
+        let mut monitor = LatenessMonitor::new(1, 1.0, Overrun::Stop);
         // Another thread reads the clock meanwhile.
-        (1..=50).for_each(|look| clock.look_at(10 * look * MS));
-        watchman.look(0, &step(10, 100, 500), &clock, &plan);
+        (1..=50).for_each(|look| clock.read_clock_at(10 * look * MS));
+        monitor.evaluate(0, &step(10, 100, 500), &clock, &plan);
         assert!(
-            watchman
-                .stops()
+            monitor
+                .stop_reason()
                 .is_some_and(|reason| reason.contains("400.000 ms after"))
         );
-        assert_eq!(watchman.account(&plan).participants["a"].too_long, 1);
+        assert_eq!(monitor.punctuality(&plan).participants["a"].too_long, 1);
     }
 
     #[test]
-    fn quantiles_are_those_of_the_sorted_times_to_a_thirty_second() {
+    fn histogram_quantiles_match_sorted_times_to_a_thirty_second() {
         let draws = lockstep::random::Stream::new(5, "times");
         let mut times: Vec<u64> = (0..5000)
             .map(|at| draws.bits(2 * at) >> (draws.bits(2 * at + 1) % 60 + 4))
@@ -277,19 +284,19 @@ mod tests {
         times.sort_unstable();
         for part in [0.001, 0.5, 0.99, 0.999, 1.0] {
             let exact = times[(part * times.len() as f64).ceil() as usize - 1];
-            let told = histogram.quantile(part);
+            let estimate = histogram.quantile(part);
             assert!(
-                exact <= told && told <= exact + exact / PARTS,
-                "{part}: {told} for {exact}"
+                exact <= estimate && estimate <= exact + exact / BUCKETS_PER_OCTAVE,
+                "{part}: {estimate} for {exact}"
             );
         }
         assert_eq!(histogram.quantile(1.0), *times.last().unwrap());
     }
 
     #[test]
-    fn buckets_follow_each_other_without_a_gap() {
+    fn histogram_buckets_are_contiguous() {
         for bucket in 0..1500 {
-            let end = Histogram::end(bucket);
+            let end = Histogram::bucket_max(bucket);
             assert_eq!(
                 (Histogram::bucket(end), Histogram::bucket(end + 1)),
                 (bucket, bucket + 1)

@@ -1,6 +1,6 @@
 //! The pace of a run: granted time, the wall clock, and how well the run keeps up with it.
 
-pub(super) mod horizon;
+pub(super) mod clock_controller;
 pub(super) mod lateness;
 pub(super) mod punctuality;
 pub(super) mod spans;

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 /// The pace counts as kept when at least this fraction of what was asked for was held.
-const KEPT: f64 = 0.99;
+const KEPT_FRACTION: f64 = 0.99;
 
 /// How a run kept pace with the wall clock. These figures depend on the machine; none of them is on the tape.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Punctuality {
     /// Simulated seconds per second of wall time, as asked for.
     pub asked: f64,
-    /// The value that was held up to the end of the last step, without the time spent at rest; `None` where no step reports its
+    /// The value that was held up to the end of the last step, without the time spent paused; `None` where no step reports its
     /// end.
     pub held: Option<f64>,
     /// Whether at least 99 % of what was asked for was held.
@@ -45,7 +45,7 @@ pub struct Lateness {
 impl Punctuality {
     /// Whether a pace of `asked` is kept when `held` was held. A run that ends with its first step cannot be behind.
     pub(crate) fn is_kept(asked: f64, held: Option<f64>) -> bool {
-        held.is_none_or(|held| held >= KEPT * asked)
+        held.is_none_or(|held| held >= KEPT_FRACTION * asked)
     }
 
     /// The message that the pace was not kept, with the participants that were late; `None` if it was kept.
@@ -66,25 +66,25 @@ impl Punctuality {
                 .collect();
             (!words.is_empty()).then(|| words.join(", "))
         };
-        let own = self.participants.iter();
+        let participants = self.participants.iter();
         let slow = late(
-            &mut own.clone().map(|(name, one)| (name, one.too_long, one.steps)),
+            &mut participants.clone().map(|(name, one)| (name, one.too_long, one.steps)),
             "worked for longer than their period",
         );
         let waited = || {
             late(
-                &mut own.clone().map(|(name, one)| (name, one.overruns, one.steps)),
+                &mut participants.clone().map(|(name, one)| (name, one.overruns, one.steps)),
                 "overran",
             )
         };
-        let who = slow.or_else(waited);
-        let who = who.map_or_else(
+        let cause = slow.or_else(waited);
+        let cause = cause.map_or_else(
             || "no participant reports when its steps are complete".to_owned(),
-            |who| format!("late: {who}"),
+            |cause| format!("late: {cause}"),
         );
         let held = self.held.map_or_else(|| "less".to_owned(), factor);
         Some(format!(
-            "the pace was not kept: {held} times real time, and {} was requested; {who}",
+            "the pace was not kept: {held} times real time, and {} was requested; {cause}",
             factor(self.asked)
         ))
     }
@@ -109,8 +109,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn factor_is_told_with_three_digits() {
-        let told = [0.0, 0.00123, 0.0431, 0.5, 0.9998, 1.0, 12.34, 122.4].map(factor);
-        assert_eq!(told, ["0", "0.00123", "0.0431", "0.5", "1", "1", "12.3", "122"]);
+    fn factor_is_formatted_with_three_digits() {
+        let formatted = [0.0, 0.00123, 0.0431, 0.5, 0.9998, 1.0, 12.34, 122.4].map(factor);
+        assert_eq!(formatted, ["0", "0.00123", "0.0431", "0.5", "1", "1", "12.3", "122"]);
     }
 }

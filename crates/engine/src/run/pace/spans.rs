@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use lockstep::plan::Plan;
 use lockstep::span::{Detail, Span, SpanActivity, core, now_ns};
 
-use super::horizon::ClockController;
-use super::lateness::Watchman;
+use super::clock_controller::ClockController;
+use super::lateness::LatenessMonitor;
 use super::punctuality::Punctuality;
 use super::trace::Trace;
 use super::traced::Traced;
@@ -15,16 +15,16 @@ use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
 
 /// How often the live page is informed of how the pace is kept.
-const TELL: Duration = Duration::from_millis(250);
+const UPDATE_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Everything that is derived from spans.
-pub(crate) struct Times {
+pub(crate) struct SpanAnalysis {
     plan: Arc<Plan>,
-    watchman: Option<Watchman>,
+    lateness: Option<LatenessMonitor>,
     trace: Option<Trace>,
     /// In one loop: when the present activation began.
     begun_ns: u64,
-    told: Option<Instant>,
+    last_update: Option<Instant>,
 }
 
 impl Options {
@@ -38,34 +38,34 @@ impl Options {
     }
 }
 
-impl Times {
+impl SpanAnalysis {
     /// For a run of `plan`.
     ///
     /// # Errors
     /// When the file of the trace cannot be made.
-    pub(crate) fn new(plan: &Arc<Plan>, options: &Options, title: &str) -> Result<Times, RunFailure> {
+    pub(crate) fn new(plan: &Arc<Plan>, options: &Options, title: &str) -> Result<SpanAnalysis, RunFailure> {
         let trace = options.trace.as_deref().map(|path| Trace::create(path, title));
-        Ok(Times {
-            watchman: (options.pace).map(|asked| Watchman::new(plan.participants.len(), asked, options.overrun)),
+        Ok(SpanAnalysis {
+            lateness: (options.pace).map(|asked| LatenessMonitor::new(plan.participants.len(), asked, options.overrun)),
             trace: trace.transpose()?,
             plan: plan.clone(),
             begun_ns: 0,
-            told: None,
+            last_update: None,
         })
     }
 
     /// Whether spans are needed.
-    pub(crate) fn wants(&self) -> bool {
-        self.watchman.is_some() || self.trace.is_some()
+    pub(crate) fn needs_spans(&self) -> bool {
+        self.lateness.is_some() || self.trace.is_some()
     }
 
     /// Takes spans of participant number `number`, after which `lost` spans are missing.
     pub(crate) fn take(&mut self, number: usize, lost: u64, spans: &[Span], clock: &ClockController) {
-        if let (Some(watchman), Some(pace)) = (&mut self.watchman, clock.pace()) {
-            pace.look(now_ns);
+        if let (Some(lateness), Some(pace)) = (&mut self.lateness, clock.pace()) {
+            pace.check_suspension(now_ns);
             spans
                 .iter()
-                .for_each(|span| watchman.look(number, span, clock, &self.plan));
+                .for_each(|span| lateness.evaluate(number, span, clock, &self.plan));
         }
         if let Some(trace) = &mut self.trace {
             trace.take(number, lost, spans, &self.plan);
@@ -73,12 +73,12 @@ impl Times {
     }
 
     /// In one loop: a participant begins an activation.
-    pub(crate) fn begins(&mut self) {
+    pub(crate) fn step_begins(&mut self) {
         self.begun_ns = now_ns();
     }
 
     /// In one loop: participant number `number`, the last one to begin, has completed `activation`.
-    pub(crate) fn stepped(&mut self, number: usize, activation: u64, clock: &ClockController) {
+    pub(crate) fn step_ends(&mut self, number: usize, activation: u64, clock: &ClockController) {
         let span = Span {
             activation,
             activity: SpanActivity::Computing { done: true },
@@ -91,23 +91,26 @@ impl Times {
     }
 
     /// Why the run is to end here: a step overran, and the run was to end then.
-    pub(crate) fn stops(&self) -> Option<&str> {
-        self.watchman.as_ref().and_then(Watchman::stops)
+    pub(crate) fn stop_reason(&self) -> Option<&str> {
+        self.lateness.as_ref().and_then(LatenessMonitor::stop_reason)
     }
 
     /// How the pace is kept, for the live page; `None` between two updates.
-    pub(crate) fn news(&mut self) -> Option<Punctuality> {
-        let watchman = self.watchman.as_ref()?;
-        if self.told.is_some_and(|told| told.elapsed() < TELL) {
+    pub(crate) fn pace_update(&mut self) -> Option<Punctuality> {
+        let lateness = self.lateness.as_ref()?;
+        if self
+            .last_update
+            .is_some_and(|last_update| last_update.elapsed() < UPDATE_INTERVAL)
+        {
             return None;
         }
-        self.told = Some(Instant::now());
-        Some(watchman.account(&self.plan))
+        self.last_update = Some(Instant::now());
+        Some(lateness.punctuality(&self.plan))
     }
 
     /// The results.
     pub(crate) fn finish(self) -> (Option<Punctuality>, Option<Traced>) {
-        let punctuality = self.watchman.map(|watchman| watchman.account(&self.plan));
+        let punctuality = self.lateness.map(|lateness| lateness.punctuality(&self.plan));
         (punctuality, self.trace.map(Trace::finish))
     }
 }

@@ -15,74 +15,74 @@ use std::time::Duration;
 use lockstep::span::now_ns;
 
 /// How often the second thread reads the clock.
-const BEAT: Duration = Duration::from_millis(10);
+const READ_INTERVAL: Duration = Duration::from_millis(10);
 /// A process that is not suspended reads the clock at least this often, ns: it gets a core again after some tens of milliseconds even
 /// on the busiest machine, and one with a quota of processor time after at most 100 ms. A shorter suspension counts as lateness.
-const LONGEST_NS: u64 = 150_000_000;
+const MAX_GAP_NS: u64 = 150_000_000;
 /// How many suspensions are kept: a step is evaluated soon after it is done.
-const KEPT: usize = 256;
+const SUSPENSIONS_MAX: usize = 256;
 
 /// Wall time without the time in which this process was suspended.
 pub(super) struct Suspensions {
-    beats: Arc<Mutex<Beats>>,
-    second: Option<(JoinHandle<()>, Arc<AtomicBool>)>,
+    readings: Arc<Mutex<ClockReadings>>,
+    reader_thread: Option<(JoinHandle<()>, Arc<AtomicBool>)>,
 }
 
 /// The readings of the clock, ns of `CLOCK_MONOTONIC`.
-struct Beats {
+struct ClockReadings {
     newest: u64,
     /// The latest suspensions, oldest first: from the last reading before to the first one after.
-    kept: VecDeque<(u64, u64)>,
+    latest: VecDeque<(u64, u64)>,
     /// The duration of those that are no longer kept.
-    earlier: u64,
+    earlier_ns: u64,
 }
 
 impl Suspensions {
-    /// Looks for suspensions from `now` on where [`Suspensions::beat`] is called at least every [`LONGEST_NS`].
+    /// Looks for suspensions from `now` on where [`Suspensions::read_clock`] is called at least every [`MAX_GAP_NS`].
     pub(super) fn since(now: u64) -> Suspensions {
-        let beats = Beats {
+        let readings = ClockReadings {
             newest: now,
-            kept: VecDeque::new(),
-            earlier: 0,
+            latest: VecDeque::new(),
+            earlier_ns: 0,
         };
         Suspensions {
-            beats: Arc::new(Mutex::new(beats)),
-            second: None,
+            readings: Arc::new(Mutex::new(readings)),
+            reader_thread: None,
         }
     }
 
     /// Starts the second thread. It ends when this is dropped.
-    pub(super) fn watched(mut self) -> Suspensions {
+    pub(super) fn with_watch_thread(mut self) -> Suspensions {
         let over = Arc::new(AtomicBool::new(false));
-        let (beats, ends) = (self.beats.clone(), over.clone());
+        let (readings, ends) = (self.readings.clone(), over.clone());
         let read = move || {
             while !ends.load(Ordering::Acquire) {
-                locked(&beats).beat(now_ns);
-                std::thread::park_timeout(BEAT);
+                locked(&readings).read_clock(now_ns);
+                std::thread::park_timeout(READ_INTERVAL);
             }
         };
         match std::thread::Builder::new().name("suspensions".into()).spawn(read) {
-            Ok(thread) => self.second = Some((thread, over)),
+            Ok(thread) => self.reader_thread = Some((thread, over)),
             // Without it a long step looks like a suspension: then there are none.
-            Err(_) => locked(&self.beats).newest = u64::MAX,
+            Err(_) => locked(&self.readings).newest = u64::MAX,
         }
         self
     }
 
     /// Reads the clock, which is `now`. Everything up to now can be evaluated afterwards.
-    pub(super) fn beat(&self, now: impl FnOnce() -> u64) -> u64 {
-        locked(&self.beats).beat(now)
+    pub(super) fn read_clock(&self, now: impl FnOnce() -> u64) -> u64 {
+        locked(&self.readings).read_clock(now)
     }
 
     /// How much of the time up to `at` this process was not suspended, ns.
-    pub(super) fn awake(&self, at: u64) -> u64 {
-        locked(&self.beats).awake(at)
+    pub(super) fn active_ns(&self, at: u64) -> u64 {
+        locked(&self.readings).active_ns(at)
     }
 }
 
 impl Drop for Suspensions {
     fn drop(&mut self) {
-        if let Some((thread, over)) = self.second.take() {
+        if let Some((thread, over)) = self.reader_thread.take() {
             over.store(true, Ordering::Release);
             thread.thread().unpark();
             let _ = thread.join();
@@ -90,29 +90,29 @@ impl Drop for Suspensions {
     }
 }
 
-fn locked(beats: &Mutex<Beats>) -> MutexGuard<'_, Beats> {
-    beats.lock().unwrap_or_else(PoisonError::into_inner)
+fn locked(readings: &Mutex<ClockReadings>) -> MutexGuard<'_, ClockReadings> {
+    readings.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Beats {
+impl ClockReadings {
     /// The clock is read while no other thread can: a suspension between two readings is seen by the second of them.
-    fn beat(&mut self, now: impl FnOnce() -> u64) -> u64 {
+    fn read_clock(&mut self, now: impl FnOnce() -> u64) -> u64 {
         let now = now();
-        if now.saturating_sub(self.newest) > LONGEST_NS {
-            self.kept.push_back((self.newest, now));
-            if self.kept.len() > KEPT
-                && let Some((from, to)) = self.kept.pop_front()
+        if now.saturating_sub(self.newest) > MAX_GAP_NS {
+            self.latest.push_back((self.newest, now));
+            if self.latest.len() > SUSPENSIONS_MAX
+                && let Some((from, to)) = self.latest.pop_front()
             {
-                self.earlier += to - from;
+                self.earlier_ns += to - from;
             }
         }
         self.newest = self.newest.max(now);
         now
     }
 
-    fn awake(&self, at: u64) -> u64 {
-        let kept = self.kept.iter().map(|&(from, to)| at.clamp(from, to) - from);
-        at.saturating_sub(self.earlier + kept.sum::<u64>())
+    fn active_ns(&self, at: u64) -> u64 {
+        let latest = self.latest.iter().map(|&(from, to)| at.clamp(from, to) - from);
+        at.saturating_sub(self.earlier_ns + latest.sum::<u64>())
     }
 }
 
@@ -123,34 +123,34 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     #[test]
-    fn time_without_any_reading_is_a_suspension() {
+    fn time_without_clock_reading_is_a_suspension() {
         let suspensions = Suspensions::since(0);
         for now in [100, 200, 400, 500, 5500] {
-            assert_eq!(suspensions.beat(|| now * MS), now * MS);
+            assert_eq!(suspensions.read_clock(|| now * MS), now * MS);
         }
         // From 200 to 400 ms, and from 500 to 5500 ms.
-        let awake = [200, 300, 400, 450, 500, 4000, 5500, 5600].map(|at| suspensions.awake(at * MS) / MS);
+        let awake = [200, 300, 400, 450, 500, 4000, 5500, 5600].map(|at| suspensions.active_ns(at * MS) / MS);
         assert_eq!(awake, [200, 200, 200, 250, 300, 300, 300, 400]);
     }
 
     #[test]
-    fn a_thread_that_is_held_up_is_no_suspension() {
+    fn thread_that_is_held_up_is_no_suspension() {
         let suspensions = Suspensions::since(0);
         // The second thread reads the clock while the first one is in a step of two seconds.
         (1..200).for_each(|beat| {
-            suspensions.beat(|| beat * 10 * MS);
+            suspensions.read_clock(|| beat * 10 * MS);
         });
-        suspensions.beat(|| 2000 * MS);
-        assert_eq!(suspensions.awake(2000 * MS), 2000 * MS);
+        suspensions.read_clock(|| 2000 * MS);
+        assert_eq!(suspensions.active_ns(2000 * MS), 2000 * MS);
     }
 
     #[test]
-    fn suspensions_that_are_no_longer_kept_still_count() {
+    fn dropped_suspensions_still_count() {
         let suspensions = Suspensions::since(0);
-        let count = 2 * KEPT as u64;
+        let count = 2 * SUSPENSIONS_MAX as u64;
         (1..=count).for_each(|beat| {
-            suspensions.beat(|| beat * 1000 * MS);
+            suspensions.read_clock(|| beat * 1000 * MS);
         });
-        assert_eq!(suspensions.awake(count * 1000 * MS + MS), MS);
+        assert_eq!(suspensions.active_ns(count * 1000 * MS + MS), MS);
     }
 }

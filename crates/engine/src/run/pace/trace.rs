@@ -1,6 +1,6 @@
 //! The trace: what every participant did when, as a file of JSON trace events, which Perfetto and Chrome's `about:tracing` open.
 //!
-//! A process of the trace is a participant, a thread of it a core. The file is bounded: after [`EVENTS`] spans only the number of
+//! A process of the trace is a participant, a thread of it a core. The file is bounded: after [`SPANS_MAX`] spans only the number of
 //! missing ones is written. The memory is bounded too: spans are written as they come.
 
 use std::fs::File;
@@ -16,7 +16,7 @@ use super::traced::Traced;
 use crate::run::outcome::RunFailure;
 
 /// The most spans of a file: about 200 MB.
-const EVENTS: u64 = 1_000_000;
+const SPANS_MAX: u64 = 1_000_000;
 
 /// A trace that is being written.
 pub(crate) struct Trace {
@@ -24,12 +24,12 @@ pub(crate) struct Trace {
     file: BufWriter<File>,
     begin_ns: u64,
     /// The bound on `written`.
-    events: u64,
+    span_limit: u64,
     written: u64,
     /// Spans that are missing in the file: those after the bound, and those that were lost on their way for lack of room.
     missing: u64,
     /// The participants and cores that have been named in the file.
-    known: Vec<(usize, u32)>,
+    named_rows: Vec<(usize, u32)>,
     /// The first error; nothing is written after it.
     error: Option<io::Error>,
 }
@@ -58,10 +58,10 @@ impl Trace {
             path: path.to_owned(),
             file,
             begin_ns: now_ns(),
-            events: EVENTS,
+            span_limit: SPANS_MAX,
             written: 0,
             missing: 0,
-            known: Vec::new(),
+            named_rows: Vec::new(),
             error: None,
         })
     }
@@ -69,23 +69,23 @@ impl Trace {
     /// Writes spans of participant number `number`, after which `lost` spans are missing.
     pub(crate) fn take(&mut self, number: usize, lost: u64, spans: &[Span], plan: &Plan) {
         for span in spans {
-            if self.written >= self.events {
+            if self.written >= self.span_limit {
                 self.missing += 1;
             } else {
                 self.written += 1;
-                self.span(number, span, plan);
+                self.write_span(number, span, plan);
             }
         }
         if lost > 0 {
             self.missing += lost;
-            if let Some(last) = spans.last().filter(|_| self.written < self.events) {
+            if let Some(last) = spans.last().filter(|_| self.written < self.span_limit) {
                 let name = format!("cut: {lost} spans are missing from here on");
-                self.mark(number, last.core, last.end_ns, &name, lost);
+                self.write_gap_mark(number, last.core, last.end_ns, &name, lost);
             }
         }
     }
 
-    fn span(&mut self, number: usize, span: &Span, plan: &Plan) {
+    fn write_span(&mut self, number: usize, span: &Span, plan: &Plan) {
         let participant = &plan.participants[number];
         self.name_row(number, span.core, &participant.name);
         let (name, kind, what) = match span.activity {
@@ -134,35 +134,37 @@ impl Trace {
             "ph": "X", "name": name, "cat": kind, "pid": number + 1, "tid": span.core + 1,
             "ts": begin, "dur": ns(span.end_ns.max(span.begin_ns)) - begin, "args": args,
         });
-        self.event(&event);
+        self.write_event(&event);
     }
 
     /// Names a participant and its core in the file, once.
     fn name_row(&mut self, number: usize, core: u32, name: &str) {
-        if self.known.contains(&(number, core)) {
+        if self.named_rows.contains(&(number, core)) {
             return;
         }
-        if self.known.iter().all(|(known, _)| *known != number) {
-            self.event(&json!({ "ph": "M", "name": "process_name", "pid": number + 1, "args": { "name": name } }));
+        if self.named_rows.iter().all(|(known, _)| *known != number) {
+            self.write_event(
+                &json!({ "ph": "M", "name": "process_name", "pid": number + 1, "args": { "name": name } }),
+            );
         }
-        self.known.push((number, core));
+        self.named_rows.push((number, core));
         let thread = json!({
             "ph": "M", "name": "thread_name", "pid": number + 1, "tid": core + 1, "args": { "name": format!("core {core}") },
         });
-        self.event(&thread);
+        self.write_event(&thread);
     }
 
-    fn mark(&mut self, number: usize, core: u32, at_ns: u64, name: &str, missing: u64) {
+    fn write_gap_mark(&mut self, number: usize, core: u32, at_ns: u64, name: &str, missing: u64) {
         let ts = at_ns.saturating_sub(self.begin_ns) as f64 * 1e-3;
         let event = json!({
             "ph": "i", "s": "p", "name": name, "cat": "cut", "pid": number + 1, "tid": core + 1, "ts": ts, "args": { "missing": missing },
         });
-        self.event(&event);
+        self.write_event(&event);
     }
 
-    fn event(&mut self, event: &Value) {
+    fn write_event(&mut self, event: &Value) {
         if self.error.is_none() {
-            let comma = if self.known.is_empty() { "" } else { "," };
+            let comma = if self.named_rows.is_empty() { "" } else { "," };
             self.error = write!(self.file, "{comma}\n{event}").err();
         }
     }
@@ -175,7 +177,7 @@ impl Trace {
                 "ph": "i", "s": "g", "name": name, "cat": "cut", "pid": 0, "tid": 0,
                 "ts": now_ns().saturating_sub(self.begin_ns) as f64 * 1e-3, "args": { "missing": self.missing },
             });
-            self.event(&event);
+            self.write_event(&event);
         }
         let ended = self
             .error
@@ -200,7 +202,7 @@ mod tests {
     use lockstep::time::Rational;
 
     #[test]
-    fn trace_is_bounded_and_says_what_is_missing() {
+    fn trace_is_bounded_and_reports_missing_spans() {
         let spec = ParticipantSpec {
             name: "a".into(),
             period: Rational::from_millis(1),
@@ -210,7 +212,7 @@ mod tests {
         let plan = Plan::build(vec![spec], &[], Rational::from_millis(100), 1).expect("a plan");
         let path = std::env::temp_dir().join(format!("escapement-trace-{}.json", std::process::id()));
         let mut trace = Trace::create(&path, "\"quoted\"").expect("it can be written");
-        trace.events = 10;
+        trace.span_limit = 10;
         let span = |activation| Span {
             activation,
             activity: SpanActivity::Computing { done: true },

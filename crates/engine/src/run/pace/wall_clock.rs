@@ -6,21 +6,21 @@ use lockstep::time::Ticks;
 
 use super::suspensions::Suspensions;
 
-/// How many stretches without a rest are kept: a step is evaluated soon after it is done.
+/// How many stretches without a pause are kept: a step is evaluated soon after it is done.
 const STRETCHES: usize = 1024;
 
 /// Keeps simulated time behind a multiple of wall time, counting only wall time in which this process was not suspended and the run
-/// was not at rest.
+/// was not paused.
 pub(crate) struct Pace {
     ticks_per_s: f64,
     suspensions: Suspensions,
     /// The points from which the wall clock ran, the newest last. Never empty.
     stretches: VecDeque<Stretch>,
     /// How many stretches were dropped.
-    forgotten: u64,
+    dropped: u64,
 }
 
-/// A stretch without a rest: from `at` on, which was reached at `since`, simulated time follows the wall clock.
+/// A stretch without a pause: from `at` on, which was reached at `since`, simulated time follows the wall clock.
 struct Stretch {
     at: Ticks,
     /// ns without suspensions.
@@ -30,9 +30,9 @@ struct Stretch {
 /// When an instant is due.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Due {
-    /// ns without suspensions, as of [`Pace::awake`].
+    /// ns without suspensions, as of [`Pace::active_ns`].
     pub(crate) ns: u64,
-    /// The number of the stretch without a rest.
+    /// The number of the stretch without a pause.
     pub(crate) stretch: u64,
     /// How long after the stretch began, s of wall time.
     pub(crate) into_s: f64,
@@ -40,60 +40,60 @@ pub(crate) struct Due {
 
 impl Pace {
     /// The wall clock runs from `at` on, starting at `now`, ns of `CLOCK_MONOTONIC`. This thread is the only one that looks for
-    /// suspensions, see [`Pace::watched`].
+    /// suspensions, see [`Pace::with_watch_thread`].
     pub(crate) fn new(ticks_per_s: f64, at: Ticks, now: u64) -> Pace {
         Pace {
             ticks_per_s,
             suspensions: Suspensions::since(now),
             stretches: [Stretch { at, since: now }].into(),
-            forgotten: 0,
+            dropped: 0,
         }
     }
 
     /// Lets a second thread look for suspensions too, so that a long step is none.
-    pub(crate) fn watched(mut self) -> Pace {
-        self.suspensions = self.suspensions.watched();
+    pub(crate) fn with_watch_thread(mut self) -> Pace {
+        self.suspensions = self.suspensions.with_watch_thread();
         self
     }
 
     /// Lets the wall clock run from `at` on, starting at `now`.
-    pub(crate) fn start_over(&mut self, at: Ticks, now: u64) {
-        let since = self.look(|| now);
+    pub(crate) fn restart_at(&mut self, at: Ticks, now: u64) {
+        let since = self.check_suspension(|| now);
         self.begin(at, since);
     }
 
     fn begin(&mut self, at: Ticks, since: u64) {
-        // The run still rests there, or has gone back.
+        // The run is still paused there, or was restored to an earlier instant.
         while self.stretches.pop_back_if(|last| last.at >= at).is_some() {}
         self.stretches.push_back(Stretch { at, since });
         if self.stretches.len() > STRETCHES {
             self.stretches.pop_front();
-            self.forgotten += 1;
+            self.dropped += 1;
         }
     }
 
     /// The instant that has come, at most `most`: a run that was held there, or suspended, does not catch up afterwards.
-    pub(crate) fn reached(&mut self, most: Ticks, now: u64) -> Ticks {
-        let now = self.look(|| now);
-        let reached = self.stretches.back().map_or(most, |last| {
+    pub(crate) fn reached(&mut self, limit: Ticks, now: u64) -> Ticks {
+        let now = self.check_suspension(|| now);
+        let reached = self.stretches.back().map_or(limit, |last| {
             let passed = now.saturating_sub(last.since) as f64 / 1e9;
             last.at.saturating_add((passed * self.ticks_per_s) as Ticks)
         });
-        if reached >= most {
-            self.begin(most, now);
+        if reached >= limit {
+            self.begin(limit, now);
         }
-        reached.min(most)
+        reached.min(limit)
     }
 
     /// Looks for a suspension up to `now`, and returns now without suspensions. To be called before the evaluation of what was done
     /// up to now.
-    pub(crate) fn look(&self, now: impl FnOnce() -> u64) -> u64 {
-        self.awake(self.suspensions.beat(now))
+    pub(crate) fn check_suspension(&self, now: impl FnOnce() -> u64) -> u64 {
+        self.active_ns(self.suspensions.read_clock(now))
     }
 
     /// The instant `ns` of `CLOCK_MONOTONIC` without the suspensions before it.
-    pub(crate) fn awake(&self, ns: u64) -> u64 {
-        self.suspensions.awake(ns)
+    pub(crate) fn active_ns(&self, ns: u64) -> u64 {
+        self.suspensions.active_ns(ns)
     }
 
     /// When the wall clock comes to `at`, or has come to it.
@@ -103,7 +103,7 @@ impl Pace {
         let into_s = (at - from).max(0) as f64 / self.ticks_per_s;
         Due {
             ns: since + (into_s * 1e9) as u64,
-            stretch: self.forgotten + number as u64,
+            stretch: self.dropped + number as u64,
             into_s,
         }
     }
@@ -121,14 +121,14 @@ mod tests {
     }
 
     #[test]
-    fn instant_is_due_when_the_wall_clock_comes_to_it() {
+    fn instant_is_due_when_wall_clock_reaches_it() {
         let mut pace = Pace::new(500.0, 10, 0);
         assert_eq!(pace.reached(1000, 100 * MS), 60);
         assert_eq!([10, 60, 110].map(|at| due_ms(&pace, at)), [0, 100, 200]);
     }
 
     #[test]
-    fn time_of_a_rest_does_not_make_earlier_steps_punctual() {
+    fn pause_does_not_shift_due_times_of_earlier_steps() {
         let mut pace = Pace::new(1000.0, 0, 0);
         // Held at 500 for ten seconds; earlier instants keep their due times.
         for at in (100..=10_500).step_by(100) {
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn time_of_a_suspension_is_not_lateness() {
+    fn suspension_does_not_shift_due_times() {
         for suspension in [200, 1000, 3_600_000] {
             let mut pace = Pace::new(1000.0, 0, 0);
             pace.reached(100_000, 100 * MS);
@@ -150,7 +150,7 @@ mod tests {
             for at in [50, 100, 101, 300] {
                 assert_eq!((due_ms(&pace, at), pace.due(at).stretch), (at as u64, 0));
             }
-            let awake = |ms: u64| pace.awake(ms * MS) / MS;
+            let awake = |ms: u64| pace.active_ns(ms * MS) / MS;
             assert_eq!([50, 150, 110 + suspension].map(awake), [50, 100, 110]);
         }
     }

@@ -12,14 +12,14 @@ use lockstep::span::{Detail, SPANS};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open};
 
 use crate::run::log::Log;
-use crate::run::timeout::Patience;
+use crate::run::timeout::Timeout;
 use crate::scenario::{Entry, Program};
 
 /// How long participants may take to exit after the command to terminate: time for `terminate`, also on a busy machine.
 pub(crate) const GRACE: Duration = Duration::from_secs(2);
 
 /// A participant's process.
-pub struct Participant {
+pub struct ParticipantProcess {
     /// Its name in the scenario.
     pub name: String,
     child: Child,
@@ -54,17 +54,17 @@ pub fn tie(command: &mut Command) {
 }
 
 /// The program that is started instead of this one.
-static INSTEAD: OnceLock<PathBuf> = OnceLock::new();
+static OWN_PROGRAM: OnceLock<PathBuf> = OnceLock::new();
 
 /// Sets the program that is started where this program would start itself again: a process that has loaded the engine as a module
 /// is no program with a command line. Only the first call has an effect.
 pub fn start_instead(program: PathBuf) {
-    let _ = INSTEAD.set(program);
+    let _ = OWN_PROGRAM.set(program);
 }
 
 /// Starts this program once more: the file that this process runs, even if another file has its name by now.
 pub fn own_program() -> Command {
-    if let Some(program) = INSTEAD.get() {
+    if let Some(program) = OWN_PROGRAM.get() {
         return Command::new(program);
     }
     let mut command = Command::new("/proc/self/exe");
@@ -74,11 +74,11 @@ pub fn own_program() -> Command {
     command
 }
 
-impl Participant {
+impl ParticipantProcess {
     /// Starts the program of `entry`, with its address in the run in the environment. The program records spans in this `detail`.
     ///
     /// The kernel kills the child when the thread that starts it dies, so this must be called from the main thread.
-    pub fn start(entry: &Entry, address: &str, log: &Path, detail: Option<Detail>) -> io::Result<Participant> {
+    pub fn start(entry: &Entry, address: &str, log: &Path, detail: Option<Detail>) -> io::Result<ParticipantProcess> {
         let name = entry.setup.name.clone();
         let mut command = match &entry.program {
             Program::Builtin(builtin) => {
@@ -117,7 +117,7 @@ impl Participant {
         let mut child = command.spawn()?;
         let pid = Pid::from_child(&child);
         match pidfd_open(pid, PidfdFlags::empty()) {
-            Ok(pidfd) => Ok(Participant {
+            Ok(pidfd) => Ok(ParticipantProcess {
                 name,
                 child,
                 pidfd,
@@ -144,10 +144,10 @@ impl Participant {
     }
 
     /// The exit status of the process, once it has ended. Then its log is complete.
-    pub fn ended(&mut self) -> Option<ExitStatus> {
+    pub fn exit_status(&mut self) -> Option<ExitStatus> {
         if self.status.is_none() {
             self.status = self.child.try_wait().ok().flatten();
-            self.status.iter().for_each(|_| self.log.settle());
+            self.status.iter().for_each(|_| self.log.wait_complete());
         }
         self.status
     }
@@ -158,7 +158,7 @@ impl Participant {
     }
 
     /// How a process ended, in words: exit status or signal.
-    pub fn ending(status: ExitStatus) -> String {
+    pub fn describe_exit(status: ExitStatus) -> String {
         match (status.code(), status.signal()) {
             (Some(code), _) => format!("exited with status {code}"),
             (None, Some(signal)) => {
@@ -179,31 +179,31 @@ impl Participant {
     }
 
     /// Whether its log is full: it has written more than is kept.
-    pub fn floods(&self) -> bool {
+    pub fn log_is_full(&self) -> bool {
         self.log.is_full()
     }
 
     /// Waits up to `grace` for the process to exit, then kills it.
-    pub fn bring_down(&mut self, grace: Duration) {
-        self.end_within(&mut Patience::new(grace));
+    pub fn shut_down(&mut self, grace: Duration) {
+        self.wait_then_kill(&mut Timeout::new(grace));
     }
 
     /// Waits for the process to exit until `grace` is over, then kills it.
-    pub fn end_within(&mut self, grace: &mut Patience) {
-        while self.ended().is_none() && !grace.is_over() {
+    pub fn wait_then_kill(&mut self, grace: &mut Timeout) {
+        while self.exit_status().is_none() && !grace.is_over() {
             std::thread::sleep(Duration::from_micros(300));
         }
-        if self.ended().is_none() {
+        if self.exit_status().is_none() {
             let _ = self.child.kill();
             self.status = self.child.wait().ok();
-            self.log.settle();
+            self.log.wait_complete();
         }
     }
 }
 
-impl Drop for Participant {
+impl Drop for ParticipantProcess {
     fn drop(&mut self) {
-        self.bring_down(Duration::ZERO);
+        self.shut_down(Duration::ZERO);
         if self.is_fmu {
             fmu::remove_leftovers();
         }

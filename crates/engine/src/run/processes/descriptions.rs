@@ -1,16 +1,16 @@
-//! Descriptions of what a participant does, and of how it died.
+//! Descriptions of what a participant does, and of how its process ended.
 
 use std::process::ExitStatus;
 
 use lockstep::plan::Plan;
 use lockstep::transport::iceoryx::{Activity, Status};
 
-use super::child::Participant;
+use super::child::ParticipantProcess;
 use super::resources;
-use crate::run::log::words;
+use crate::run::log::tail_message;
 
 /// What participant number `number` does.
-pub(crate) fn doing(plan: &Plan, number: usize, status: Status) -> String {
+pub(crate) fn describe_activity(plan: &Plan, number: usize, status: Status) -> String {
     match status.activity {
         Activity::Starting => "getting ready".into(),
         Activity::Computing => format!("computing activation {}", status.next),
@@ -35,21 +35,27 @@ pub(crate) fn doing(plan: &Plan, number: usize, status: Status) -> String {
 }
 
 /// The time of the next activation, s.
-pub(crate) fn instant(plan: &Plan, number: usize, status: Status) -> f64 {
+pub(crate) fn next_activation_s(plan: &Plan, number: usize, status: Status) -> f64 {
     plan.timebase
         .seconds(plan.participants[number].sample_time.instant(status.next))
 }
 
-/// Describes the death of a participant's process, which ended before it was done; `last` is the status that it reported last.
-pub(crate) fn death(plan: &Plan, number: usize, process: &Participant, last: Status, status: ExitStatus) -> String {
+/// Reports the exit of a participant's process, which ended before it was done; `last` is the status that it reported last.
+pub(crate) fn exit_report(
+    plan: &Plan,
+    number: usize,
+    process: &ParticipantProcess,
+    last: Status,
+    status: ExitStatus,
+) -> String {
     format!(
         "process {} {}{} at t = {} s (activation {}) while {}{}",
         process.pid(),
-        Participant::ending(status),
-        resources::of_bus_error(status),
-        instant(plan, number, last),
+        ParticipantProcess::describe_exit(status),
+        resources::bus_error_hint(status),
+        next_activation_s(plan, number, last),
         last.next,
-        doing(plan, number, last),
-        words(process.log())
+        describe_activity(plan, number, last),
+        tail_message(process.log())
     )
 }

@@ -6,20 +6,20 @@ use std::process::ExitStatus;
 
 use rustix::process::{WaitId, WaitIdOptions, waitid};
 
-use super::child::Participant;
+use super::child::ParticipantProcess;
 use super::resources;
 use crate::observer::Interrupt;
-use crate::run::log::{Log, flood, words};
+use crate::run::log::{Log, full_log_reason, tail_message};
 use crate::run::outcome::RunFailure;
 
 /// The reasons to end a wait early: a signal from the user, or the failure of a participant.
 pub(crate) struct Monitor {
     interrupt: Interrupt,
-    watched: Vec<Watched>,
+    processes: Vec<MonitoredProcess>,
 }
 
 /// A monitored participant.
-struct Watched {
+struct MonitoredProcess {
     name: String,
     pid: u32,
     process: OwnedFd,
@@ -29,14 +29,17 @@ struct Watched {
 impl Monitor {
     /// A monitor of the user's signals alone.
     pub(crate) fn new(interrupt: Interrupt) -> Monitor {
-        let watched = Vec::new();
-        Monitor { interrupt, watched }
+        let processes = Vec::new();
+        Monitor { interrupt, processes }
     }
 
     /// A monitor of the user's signals and of `processes`.
-    pub(crate) fn over<'a>(&self, processes: impl Iterator<Item = &'a Participant>) -> std::io::Result<Monitor> {
-        let watch = |process: &Participant| {
-            Ok(Watched {
+    pub(crate) fn monitoring<'a>(
+        &self,
+        processes: impl Iterator<Item = &'a ParticipantProcess>,
+    ) -> std::io::Result<Monitor> {
+        let watch = |process: &ParticipantProcess| {
+            Ok(MonitoredProcess {
                 name: process.name.clone(),
                 pid: process.pid(),
                 process: process.descriptor().try_clone_to_owned()?,
@@ -45,34 +48,34 @@ impl Monitor {
         };
         Ok(Monitor {
             interrupt: self.interrupt.clone(),
-            watched: processes.map(watch).collect::<std::io::Result<_>>()?,
+            processes: processes.map(watch).collect::<std::io::Result<_>>()?,
         })
     }
 
     /// The name and the process number of each monitored participant.
-    pub(crate) fn all(&self) -> impl Iterator<Item = (&str, u32)> {
-        self.watched.iter().map(|one| (one.name.as_str(), one.pid))
+    pub(crate) fn participants(&self) -> impl Iterator<Item = (&str, u32)> {
+        self.processes.iter().map(|one| (one.name.as_str(), one.pid))
     }
 
-    /// Whether the user asked the run to end.
-    pub(crate) fn asked(&self) -> bool {
+    /// Whether the user requested the end of the run.
+    pub(crate) fn is_interrupted(&self) -> bool {
         self.interrupt.asked()
     }
 
     /// The signal or the failure that makes waiting pointless, if there is one.
     pub(crate) fn failure(&self) -> Option<RunFailure> {
-        if self.asked() {
+        if self.is_interrupted() {
             return Some(RunFailure::Interrupted);
         }
-        self.watched.iter().find_map(|one| {
-            let reason = match (one.ended(), one.log.is_full()) {
+        self.processes.iter().find_map(|one| {
+            let reason = match (one.exit_status(), one.log.is_full()) {
                 (Some(status), _) => {
-                    one.log.settle();
-                    let ending = Participant::ending(status);
-                    let memory = resources::of_bus_error(status);
-                    format!("{ending} before the run began{memory}{}", words(&one.log))
+                    one.log.wait_complete();
+                    let ending = ParticipantProcess::describe_exit(status);
+                    let memory = resources::bus_error_hint(status);
+                    format!("{ending} before the run began{memory}{}", tail_message(&one.log))
                 }
-                (None, true) => flood(),
+                (None, true) => full_log_reason(),
                 (None, false) => return None,
             };
             let participant = one.name.clone();
@@ -81,9 +84,9 @@ impl Monitor {
     }
 }
 
-impl Watched {
+impl MonitoredProcess {
     /// The exit status of the process, if it has ended. The participant's own handle still collects it.
-    fn ended(&self) -> Option<ExitStatus> {
+    fn exit_status(&self) -> Option<ExitStatus> {
         let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
         let status = waitid(WaitId::PidFd(self.process.as_fd()), options).ok()??;
         // In the format of `wait`: a signal in the low bits, an exit code above them.

@@ -10,17 +10,17 @@ use lockstep::time::Ticks;
 use lockstep::transport::TransportError;
 use lockstep::transport::iceoryx::{Domain, PendingRequest, Recorded, WaitReason};
 
-use super::child::Participant;
+use super::child::ParticipantProcess;
 use super::descriptions;
 use super::monitor::Monitor;
 use super::ports::Ports;
-use super::process_state::life;
+use super::process_state::process_state;
 use super::resources;
-use crate::run::log::{flood, words};
+use crate::run::log::{full_log_reason, tail_message};
 use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
 use crate::run::recording::recorder::Recorder;
-use crate::run::timeout::{Awake, Patience};
+use crate::run::timeout::{ActiveTime, Timeout};
 use crate::scenario::{Entry, Scenario};
 use crate::text::quoted;
 
@@ -29,63 +29,63 @@ const START_WITHIN: Duration = Duration::from_secs(20);
 
 /// How long the program of `entry` may take to enter the run, and to answer a request.
 pub(crate) fn start_within(entry: &Entry, options: &Options) -> Duration {
-    let own = entry
+    let scenario_value = entry
         .start_within
         .map(|time| Duration::try_from_secs_f64(time.seconds()));
-    let own = own.map(|own| own.unwrap_or(Duration::MAX));
-    options.start_within.or(own).unwrap_or(START_WITHIN)
+    let scenario_value = scenario_value.map(|scenario_value| scenario_value.unwrap_or(Duration::MAX));
+    options.start_within.or(scenario_value).unwrap_or(START_WITHIN)
 }
 
 /// The result of taking one batch of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Taken {
+pub(crate) enum BatchResult {
     /// Nothing.
-    Nothing,
-    /// Notes that repeat what is known already: no progress.
-    Old,
+    Empty,
+    /// Participant events that repeat what is known already.
+    NoProgress,
     /// Samples, or an event about progress.
-    News,
+    Progress,
 }
 
 /// One participant.
 pub(crate) struct ParticipantHandle {
-    pub(crate) process: Participant,
+    pub(crate) process: ParticipantProcess,
     pub(crate) ports: Ports,
     /// How long the participant may take to enter the run, and to answer a request.
-    within: Duration,
+    reply_timeout: Duration,
     /// How its wall time was spent; known when it is done.
     pub(crate) timing: Option<WallTimeBreakdown>,
     /// The reason for its failure, as it reported it.
-    pub(crate) failed: Option<ParticipantEvent>,
-    at_rest: Option<Ticks>,
+    pub(crate) failure_event: Option<ParticipantEvent>,
+    reached_horizon: Option<Ticks>,
     /// The next activation, once the participant has paused on command of the clock.
-    pub(crate) recalled: Option<u64>,
+    pub(crate) paused_before: Option<u64>,
     /// Its spans of wall time, with the number of missing spans after each batch; until they are taken.
     pub(crate) spans: Vec<(u64, Vec<Span>)>,
 }
 
 impl ParticipantHandle {
-    pub(crate) fn new(process: Participant, ports: Ports, within: Duration) -> ParticipantHandle {
+    pub(crate) fn new(process: ParticipantProcess, ports: Ports, reply_timeout: Duration) -> ParticipantHandle {
         ParticipantHandle {
             process,
             ports,
-            within,
+            reply_timeout,
             timing: None,
-            failed: None,
-            at_rest: None,
-            recalled: None,
+            failure_event: None,
+            reached_horizon: None,
+            paused_before: None,
             spans: Vec::new(),
         }
     }
 
     /// Whether the participant has done everything before `horizon`.
-    pub(crate) fn rests_at(&self, horizon: Ticks) -> bool {
-        self.timing.is_some() || self.at_rest == Some(horizon)
+    pub(crate) fn has_reached(&self, horizon: Ticks) -> bool {
+        self.timing.is_some() || self.reached_horizon == Some(horizon)
     }
 
     /// The reason for its failure, as it reported it, if it did.
     pub(crate) fn failure(&self) -> Option<String> {
-        match &self.failed {
+        match &self.failure_event {
             Some(ParticipantEvent::Failed { activation, t, reason }) => {
                 let (t, reason) = (quoted(t), quoted(reason));
                 Some(format!("failed at t = {t} s (activation {activation}): {reason}"))
@@ -97,10 +97,16 @@ impl ParticipantHandle {
     /// How the process of participant number `number` failed, if it did: it ended before the participant was done, or its log is
     /// full.
     pub(crate) fn process_failure(&mut self, plan: &Plan, number: usize) -> Option<String> {
-        match self.process.ended() {
+        match self.process.exit_status() {
             Some(status) if self.timing.is_some() && status.success() => None,
-            Some(status) => Some(descriptions::death(plan, number, &self.process, self.status(), status)),
-            None if self.process.floods() => Some(flood()),
+            Some(status) => Some(descriptions::exit_report(
+                plan,
+                number,
+                &self.process,
+                self.status(),
+                status,
+            )),
+            None if self.process.log_is_full() => Some(full_log_reason()),
             None => None,
         }
     }
@@ -124,19 +130,19 @@ impl ParticipantHandle {
     }
 
     /// Wakes the participant.
-    pub(crate) fn ring(&self) {
+    pub(crate) fn wake(&self) {
         self.ports.notifier.notify();
     }
 
-    /// Takes a batch of the participant's record. Notes about progress are checked against the plan and the samples on the tape.
-    pub(crate) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<Taken, TransportError> {
-        let mut news = false;
+    /// Takes a batch of the participant's record. Participant events are checked against the plan and the samples on the tape.
+    pub(crate) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<BatchResult, TransportError> {
+        let mut progressed = false;
         let ParticipantHandle {
             ports,
             timing,
-            failed,
-            at_rest,
-            recalled,
+            failure_event,
+            reached_horizon,
+            paused_before,
             spans,
             ..
         } = self;
@@ -154,23 +160,23 @@ impl ParticipantHandle {
                     payload,
                 } => {
                     recorder.sample(number, stream, header, payload)?;
-                    news = true;
+                    progressed = true;
                 }
                 Recorded::Event(ParticipantEvent::Finished(spent)) => {
-                    recorder.finished(number)?;
-                    news |= timing.replace(spent).is_none();
+                    recorder.check_finished(number)?;
+                    progressed |= timing.replace(spent).is_none();
                 }
                 Recorded::Event(ParticipantEvent::AtHorizon { horizon, next }) => {
-                    recorder.rests(number, horizon, next)?;
-                    news |= *at_rest < Some(horizon);
-                    *at_rest = (*at_rest).max(Some(horizon));
+                    recorder.check_at_horizon(number, horizon, next)?;
+                    progressed |= *reached_horizon < Some(horizon);
+                    *reached_horizon = (*reached_horizon).max(Some(horizon));
                 }
                 Recorded::Event(ParticipantEvent::Paused { next }) => {
-                    recorder.recalled(number, next)?;
-                    news |= recalled.replace(next).is_none();
+                    recorder.check_paused(number, next)?;
+                    progressed |= paused_before.replace(next).is_none();
                 }
                 Recorded::Event(ParticipantEvent::Spans { lost, spans: some }) => spans.push((lost, some)),
-                Recorded::Event(event @ ParticipantEvent::Failed { .. }) => *failed = Some(event),
+                Recorded::Event(event @ ParticipantEvent::Failed { .. }) => *failure_event = Some(event),
             }
             Ok(())
         });
@@ -179,16 +185,16 @@ impl ParticipantHandle {
             notifier.notify();
         }
         Ok(match took? {
-            false => Taken::Nothing,
-            true if news => Taken::News,
-            true => Taken::Old,
+            false => BatchResult::Empty,
+            true if progressed => BatchResult::Progress,
+            true => BatchResult::NoProgress,
         })
     }
 
     /// Sends a request and waits for the reply.
-    pub(crate) fn ask(&mut self, request: &Request, monitor: &Monitor) -> Result<Reply, RunFailure> {
+    pub(crate) fn request(&mut self, request: &Request, monitor: &Monitor) -> Result<Reply, RunFailure> {
         let mut reply = None;
-        ask_all(
+        request_all(
             std::slice::from_mut(self),
             |_| request,
             monitor,
@@ -201,7 +207,7 @@ impl ParticipantHandle {
     }
 
     /// A failure of this participant; `reason` may contain text from the participant.
-    pub(crate) fn odd(&self, reason: impl AsRef<str>) -> RunFailure {
+    pub(crate) fn participant_failure(&self, reason: impl AsRef<str>) -> RunFailure {
         RunFailure::Participant {
             participant: self.process.name.clone(),
             reason: quoted(reason.as_ref()),
@@ -210,32 +216,37 @@ impl ParticipantHandle {
 }
 
 /// A request under way, with what is monitored until the reply comes.
-struct Pending<'a> {
+struct PendingRequest<'a> {
     asked: PendingRequest<'a>,
-    process: &'a mut Participant,
-    within: Duration,
-    patience: Patience,
+    process: &'a mut ParticipantProcess,
+    reply_timeout: Duration,
+    timeout: Timeout,
     when: &'static str,
     reply: Option<Reply>,
 }
 
-impl Pending<'_> {
-    /// Looks for the reply; `elsewhere` says that the monitor reports a failure.
+impl PendingRequest<'_> {
+    /// Polls for the reply; `other_failed` says that the monitor reports a failure.
     ///
     /// # Errors
     /// When no usable reply will come.
-    fn look(&mut self, monitor: &Monitor, elsewhere: bool) -> Result<(), RunFailure> {
+    fn poll(&mut self, monitor: &Monitor, other_failed: bool) -> Result<(), RunFailure> {
         if self.reply.is_none() {
             let looked = self.asked.reply();
-            self.reply = looked.map_err(|broken| unusable(self.process, self.when, &broken))?;
+            self.reply = looked.map_err(|broken| unusable_reply(self.process, self.when, &broken))?;
         }
         if self.reply.is_some() {
             return Ok(());
         }
         let process = &mut *self.process;
-        let failed = elsewhere || process.ended().is_some() || process.floods();
-        match failed || self.patience.is_over() {
-            true => Err(silent(process, self.within, monitor, &Awaited::answer(self.when))),
+        let failed = other_failed || process.exit_status().is_some() || process.log_is_full();
+        match failed || self.timeout.is_over() {
+            true => Err(no_reply_failure(
+                process,
+                self.reply_timeout,
+                monitor,
+                &Expectation::reply(self.when),
+            )),
             false => Ok(()),
         }
     }
@@ -246,7 +257,7 @@ impl Pending<'_> {
 ///
 /// # Errors
 /// The first failure: a participant that does not answer, or an error of `take` for an earlier reply.
-pub(crate) fn ask_all<R: Borrow<Request>>(
+pub(crate) fn request_all<R: Borrow<Request>>(
     handles: &mut [ParticipantHandle],
     mut request: impl FnMut(usize) -> R,
     monitor: &Monitor,
@@ -256,38 +267,41 @@ pub(crate) fn ask_all<R: Borrow<Request>>(
     for (number, handle) in handles.iter_mut().enumerate() {
         let request = request(number);
         let ParticipantHandle {
-            ports, process, within, ..
+            ports,
+            process,
+            reply_timeout,
+            ..
         } = handle;
         ports.notifier.notify();
         let when = when(request.borrow());
         let asked = ports.control.begin_request(request.borrow());
-        all.push(Pending {
-            asked: asked.map_err(|broken| unusable(process, when, &broken))?,
+        all.push(PendingRequest {
+            asked: asked.map_err(|broken| unusable_reply(process, when, &broken))?,
             process,
-            within: *within,
-            patience: Patience::new(*within),
+            reply_timeout: *reply_timeout,
+            timeout: Timeout::new(*reply_timeout),
             when,
             reply: None,
         });
     }
-    let mut waited;
+    let mut outcome;
     loop {
         // Only once per round: the monitor queries the system for every process.
-        let elsewhere = monitor.failure().is_some();
+        let other_failed = monitor.failure().is_some();
         // Each participant's own state first: one that has died on its own request is reported as that, whichever participant
         // before it is still waited for.
-        let mut look = |elsewhere| {
+        let mut poll = |other_failed| {
             (all.iter_mut())
-                .map(|one| one.look(monitor, elsewhere))
+                .map(|one| one.poll(monitor, other_failed))
                 .fold(Ok(()), Result::and)
         };
-        waited = look(false);
-        if elsewhere && waited.is_ok() {
-            waited = look(true);
+        outcome = poll(false);
+        if other_failed && outcome.is_ok() {
+            outcome = poll(true);
         }
         let mut answered = all.iter().map_while(|one| one.reply.as_ref());
         let refused = answered.any(|reply| matches!(reply, Reply::Refused { .. }));
-        if waited.is_err() || refused || all.iter().all(|one| one.reply.is_some()) {
+        if outcome.is_err() || refused || all.iter().all(|one| one.reply.is_some()) {
             break;
         }
         std::thread::sleep(PendingRequest::POLL_INTERVAL);
@@ -296,7 +310,7 @@ pub(crate) fn ask_all<R: Borrow<Request>>(
     for (number, (handle, reply)) in handles.iter_mut().zip(replies).enumerate() {
         take(number, handle, reply)?;
     }
-    waited
+    outcome
 }
 
 /// When a request was made, in words.
@@ -312,7 +326,7 @@ fn when(request: &Request) -> &'static str {
 }
 
 /// The failure of a participant whose reply cannot be used.
-fn unusable(process: &Participant, when: &str, broken: &TransportError) -> RunFailure {
+fn unusable_reply(process: &ParticipantProcess, when: &str, broken: &TransportError) -> RunFailure {
     RunFailure::Participant {
         participant: process.name.clone(),
         reason: quoted(&format!("gave no answer that can be used {when}: {broken}")),
@@ -336,8 +350,8 @@ pub(crate) fn foreign_writer_reason(victim: &str, process: u32, broken: &str) ->
     format!("process {process} opened the record of `{victim}`, which is not its own: `{victim}` {broken}")
 }
 
-/// What a participant is waited for, in the words of a message.
-struct Awaited {
+/// What is expected of a participant, as parts of a message.
+struct Expectation {
     /// What the participant is to do.
     what: &'static str,
     /// From when on the time counts.
@@ -346,16 +360,16 @@ struct Awaited {
     instead: &'static str,
 }
 
-impl Awaited {
-    const ARRIVAL: Awaited = Awaited {
+impl Expectation {
+    const ENTRY: Expectation = Expectation {
         what: "enter the run",
         since: "of its start",
         instead: "before it had entered the run",
     };
 
     /// The reply to the request that was made `when`.
-    fn answer(when: &'static str) -> Awaited {
-        Awaited {
+    fn reply(when: &'static str) -> Expectation {
+        Expectation {
             what: "answer",
             since: when,
             instead: when,
@@ -363,28 +377,33 @@ impl Awaited {
     }
 }
 
-/// Why a participant has not done what it is waited for: it ended or is late, or the monitor reports another failure.
-fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, awaited: &Awaited) -> RunFailure {
-    let Awaited { what, since, instead } = awaited;
-    let elsewhere = monitor.failure();
-    let reason = match (process.ended(), elsewhere) {
+/// The failure that a participant did not do what is expected of it: it ended or is late, or the monitor reports another failure.
+fn no_reply_failure(
+    process: &mut ParticipantProcess,
+    reply_timeout: Duration,
+    monitor: &Monitor,
+    awaited: &Expectation,
+) -> RunFailure {
+    let Expectation { what, since, instead } = awaited;
+    let other_failed = monitor.failure();
+    let reason = match (process.exit_status(), other_failed) {
         (_, Some(RunFailure::Interrupted)) => return RunFailure::Interrupted,
         (Some(status), _) => format!(
             "{} {instead}{}{}",
-            Participant::ending(status),
-            resources::of_bus_error(status),
-            words(process.log())
+            ParticipantProcess::describe_exit(status),
+            resources::bus_error_hint(status),
+            tail_message(process.log())
         ),
-        (None, _) if process.floods() => format!("{} {instead}", flood()),
+        (None, _) if process.log_is_full() => format!("{} {instead}", full_log_reason()),
         (None, Some(failure)) => return failure,
         (None, None) => {
             let pid = process.pid();
             format!(
                 "did not {what} within {} s {since} (pid {pid}, {}); a program that needs longer is given it by `start-within` in the \
                  scenario or --start-within{}",
-                within.as_secs_f64(),
-                life(pid).words(),
-                words(process.log())
+                reply_timeout.as_secs_f64(),
+                process_state(pid).words(),
+                tail_message(process.log())
             )
         }
     };
@@ -404,9 +423,9 @@ pub(crate) fn start(
     domain: &Domain,
     log: &std::path::Path,
     detail: Option<Detail>,
-) -> Result<Participant, RunFailure> {
+) -> Result<ParticipantProcess, RunFailure> {
     use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied};
-    Participant::start(entry, &domain.address().to_string(), log, detail).map_err(|error| {
+    ParticipantProcess::start(entry, &domain.address().to_string(), log, detail).map_err(|error| {
         if matches!(error.kind(), NotFound | NotADirectory | PermissionDenied) {
             let reason = format!("{} cannot be started: {error}", entry.program);
             return scenario.program_refusal(entry, &reason).into();
@@ -419,12 +438,21 @@ pub(crate) fn start(
 }
 
 /// Waits until the participant has entered the run; `waited` counts from the start of all programs.
-pub(crate) fn arrive(handle: &mut ParticipantHandle, waited: &mut Awake, monitor: &Monitor) -> Result<(), RunFailure> {
+pub(crate) fn await_entry(
+    handle: &mut ParticipantHandle,
+    waited: &mut ActiveTime,
+    monitor: &Monitor,
+) -> Result<(), RunFailure> {
     while !handle.ports.control.has_server() {
         let process = &mut handle.process;
-        let late = waited.at(Instant::now()) > handle.within;
-        if process.ended().is_some() || monitor.failure().is_some() || late {
-            return Err(silent(process, handle.within, monitor, &Awaited::ARRIVAL));
+        let late = waited.at(Instant::now()) > handle.reply_timeout;
+        if process.exit_status().is_some() || monitor.failure().is_some() || late {
+            return Err(no_reply_failure(
+                process,
+                handle.reply_timeout,
+                monitor,
+                &Expectation::ENTRY,
+            ));
         }
         std::thread::sleep(Duration::from_micros(300));
     }

@@ -30,10 +30,10 @@ impl Placement {
                     .collect()
             })
             .unwrap_or_default();
-        Placement::among(plan, &cores, options.wait, options.no_placement)
+        Placement::choose_among(plan, &cores, options.wait, options.no_placement)
     }
 
-    fn among(plan: &Plan, cores: &[usize], wait: Wait, no_placement: bool) -> Placement {
+    fn choose_among(plan: &Plan, cores: &[usize], wait: Wait, no_placement: bool) -> Placement {
         let apart = (wait == Wait::Spin).then(|| place_separately(plan, cores)).flatten();
         let denied = (wait == Wait::Spin && apart.is_none()).then(|| {
             let (count, cores) = (plan.participants.len(), cores.len());
@@ -55,7 +55,10 @@ impl Placement {
         }
         Placement {
             cores,
-            waiting: sharing.into_iter().map(|sharing| strategy(wait, sharing)).collect(),
+            waiting: sharing
+                .into_iter()
+                .map(|sharing| waiting_strategy(wait, sharing))
+                .collect(),
             reason,
             denied,
         }
@@ -63,7 +66,7 @@ impl Placement {
 }
 
 /// How a participant waits that is one of `sharing` participants on its core.
-fn strategy(wait: Wait, sharing: usize) -> WaitStrategy {
+fn waiting_strategy(wait: Wait, sharing: usize) -> WaitStrategy {
     match wait {
         Wait::Auto => match sharing {
             0 | 1 => WaitStrategy::SPIN,
@@ -120,26 +123,29 @@ mod tests {
     }
 
     #[test]
-    fn who_spins_has_a_core_of_its_own() {
+    fn spinning_participant_has_a_core_of_its_own() {
         for count in 2..=7 {
             let plan = ring(count);
-            for there in 1..=9 {
+            for core_count in 1..=9 {
                 // Core numbers that differ from their positions in the list.
-                let cores: Vec<usize> = (0..there).map(|core| 3 * core + 1).collect();
+                let cores: Vec<usize> = (0..core_count).map(|core| 3 * core + 1).collect();
                 for (name, wait) in Wait::ALL {
-                    let placement = Placement::among(&plan, &cores, wait, false);
+                    let placement = Placement::choose_among(&plan, &cores, wait, false);
                     for (one, waiting) in placement.waiting.iter().enumerate() {
-                        let own = placement.cores[one];
-                        let company = placement.cores.iter().filter(|core| **core == own).count();
-                        let alone = own.is_some_and(|core| cores.contains(&core)) && company == 1;
-                        assert!(alone || waiting.spins == 0, "{count} on {there}, {name}: {placement:?}");
+                        let core = placement.cores[one];
+                        let sharing = placement.cores.iter().filter(|other| **other == core).count();
+                        let alone = core.is_some_and(|core| cores.contains(&core)) && sharing == 1;
+                        assert!(
+                            alone || waiting.spins == 0,
+                            "{count} on {core_count}, {name}: {placement:?}"
+                        );
                     }
-                    let denied = wait == Wait::Spin && there < count;
-                    assert_eq!(placement.denied.is_some(), denied, "{count} on {there}, {name}");
+                    let denied = wait == Wait::Spin && core_count < count;
+                    assert_eq!(placement.denied.is_some(), denied, "{count} on {core_count}, {name}");
                     if wait == Wait::Spin && !denied {
-                        assert_eq!(placement.waiting, vec![WaitStrategy::SPIN; count], "{count} on {there}");
+                        assert_eq!(placement.waiting, vec![WaitStrategy::SPIN; count], "{count} on {core_count}");
                     }
-                    let free = Placement::among(&plan, &cores, wait, true);
+                    let free = Placement::choose_among(&plan, &cores, wait, true);
                     assert_eq!((free.cores, free.waiting), (vec![None; count], placement.waiting));
                 }
             }
@@ -147,8 +153,8 @@ mod tests {
     }
 
     #[test]
-    fn cores_that_cannot_be_granted_are_named_with_those_there() {
-        let placement = Placement::among(&ring(3), &[0, 1], Wait::Spin, false);
+    fn placement_reports_cores_that_cannot_be_granted() {
+        let placement = Placement::choose_among(&ring(3), &[0, 1], Wait::Spin, false);
         assert_eq!(
             placement.denied.as_deref(),
             Some(
@@ -157,7 +163,7 @@ mod tests {
         );
         assert_eq!(
             placement.waiting,
-            Placement::among(&ring(3), &[0, 1], Wait::Auto, false).waiting
+            Placement::choose_among(&ring(3), &[0, 1], Wait::Auto, false).waiting
         );
     }
 }

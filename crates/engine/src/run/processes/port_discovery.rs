@@ -6,13 +6,13 @@ use lockstep::control::Request;
 use lockstep::participant::Interface;
 
 use crate::run::options::Options;
-use crate::run::timeout::Awake;
+use crate::run::timeout::ActiveTime;
 
 use super::child::GRACE;
 use super::handshake;
 use super::monitor::Monitor;
 use super::participants::{self, ParticipantHandle};
-use super::place::Place;
+use super::run_services::RunServices;
 use crate::run::outcome::RunFailure;
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
@@ -22,10 +22,10 @@ use crate::scope::Scope;
 /// # Errors
 /// Those of [`ask`].
 pub fn ports(scenario: &Scenario, entry: &Entry, options: &Options) -> Result<Interface, RunFailure> {
-    ask_for_ports(scenario, entry, options, &Monitor::new(options.interrupt.clone()))
+    query_ports(scenario, entry, options, &Monitor::new(options.interrupt.clone()))
 }
 
-fn ask_for_ports(
+fn query_ports(
     scenario: &Scenario,
     entry: &Entry,
     options: &Options,
@@ -36,20 +36,20 @@ fn ask_for_ports(
         let made = made.map_err(|error| scenario.refusal(entry, &error.key, &error.reason))?;
         return Ok(made.interface());
     }
-    let mut told = ask_monitored(scenario, &[entry], options, monitor)?;
-    Ok(told.remove(0))
+    let mut interfaces = query_monitored(scenario, &[entry], options, monitor)?;
+    Ok(interfaces.remove(0))
 }
 
 /// The ports of `entries`, which are external programs with different names. The programs are started only for that, side by side
-/// in their own place, and ended again.
+/// in their own domain, and ended again.
 ///
 /// # Errors
 /// A program that does not enter, describes no ports, or refuses its parameters.
 pub fn ask(scenario: &Scenario, entries: &[&Entry], options: &Options) -> Result<Vec<Interface>, RunFailure> {
-    ask_monitored(scenario, entries, options, &Monitor::new(options.interrupt.clone()))
+    query_monitored(scenario, entries, options, &Monitor::new(options.interrupt.clone()))
 }
 
-fn ask_monitored(
+fn query_monitored(
     scenario: &Scenario,
     entries: &[&Entry],
     options: &Options,
@@ -60,12 +60,12 @@ fn ask_monitored(
     }
     let scope = Scope::create()?;
     let address = scope.address();
-    let words = address.folder.clone();
+    let log_folder = address.folder.clone();
     let names = entries.iter().map(|entry| entry.setup.name.as_str());
-    let (domain, ports) = Place::enter(address, names)?;
+    let (domain, ports) = RunServices::enter_domain(address, names)?;
     let mut handles = Vec::new();
     for (entry, ports) in entries.iter().zip(ports) {
-        let log = words.join(format!("words.{}", entry.setup.name));
+        let log = log_folder.join(format!("words.{}", entry.setup.name));
         let process = participants::start(scenario, entry, &domain, &log, None)?;
         handles.push(ParticipantHandle::new(
             process,
@@ -73,17 +73,17 @@ fn ask_monitored(
             participants::start_within(entry, options),
         ));
     }
-    let mut waited = Awake::since(Instant::now());
+    let mut waited = ActiveTime::since(Instant::now());
     for handle in &mut handles {
-        participants::arrive(handle, &mut waited, monitor)?;
+        participants::await_entry(handle, &mut waited, monitor)?;
     }
     let interfaces = handshake::handshake_all(scenario, entries, &[], &mut handles, monitor)?;
     for handle in &mut handles {
-        let _ = handle.ask(&Request::Terminate, monitor);
+        let _ = handle.request(&Request::Terminate, monitor);
     }
     let started = Instant::now();
     for handle in &mut handles {
-        handle.process.bring_down(GRACE.saturating_sub(started.elapsed()));
+        handle.process.shut_down(GRACE.saturating_sub(started.elapsed()));
     }
     Ok(interfaces)
 }
@@ -99,7 +99,7 @@ pub(crate) fn check_substitutes(
     monitor: &Monitor,
 ) -> Result<(), RunFailure> {
     let compare = |entry: &Entry, slot: usize| -> Result<(), RunFailure> {
-        let ports = ask_for_ports(scenario, entry, options, monitor).map_err(|failure| match failure {
+        let ports = query_ports(scenario, entry, options, monitor).map_err(|failure| match failure {
             RunFailure::Participant { participant, reason } => {
                 let reason = format!("{}, which may replace it, {reason}", entry.program);
                 let substitute = || RunFailure::Substitute { participant, reason };

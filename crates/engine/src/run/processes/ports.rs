@@ -4,7 +4,7 @@ use lockstep::transport::iceoryx::{
     ControlClient, Domain, DomainError, RecordReceiver, StatusReader, StatusService, WakeNotifier, WakeService,
 };
 
-/// The orchestrator's ends of the services of one participant in one place in shared memory. They exist before the participant
+/// The orchestrator's ends of the services of one participant in one domain in shared memory. They exist before the participant
 /// opens them.
 pub(crate) struct Ports {
     pub(crate) status: StatusReader,

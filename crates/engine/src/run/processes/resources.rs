@@ -20,9 +20,9 @@ use crate::run::outcome::RunFailure;
 
 const SHARED_MEMORY: &str = "/dev/shm";
 /// Bytes that are left for other programs.
-const SPARE: u64 = 256 << 10;
+const SPARE_BYTES: u64 = 256 << 10;
 /// A run of a few participants needs about this much free shared memory, with which its rings are already at their smallest.
-const FEW: u64 = 4 << 20;
+const SMALL_RUN_BYTES: u64 = 4 << 20;
 
 /// A size in words.
 fn mib(bytes: u64) -> String {
@@ -31,24 +31,24 @@ fn mib(bytes: u64) -> String {
 
 /// The capacity of shared memory and the free part of it.
 #[derive(Debug, Clone, Copy)]
-struct Room {
+struct SharedMemory {
     /// Total bytes.
     size: u64,
     /// Free bytes.
     free: u64,
 }
 
-impl Room {
+impl SharedMemory {
     /// The present state.
-    fn now() -> Room {
+    fn now() -> SharedMemory {
         let about = statvfs(SHARED_MEMORY);
         // If the system cannot be asked, a shortage shows when the memory is used.
         about.map_or(
-            Room {
+            SharedMemory {
                 size: u64::MAX,
                 free: u64::MAX,
             },
-            |about| Room {
+            |about| SharedMemory {
                 size: about.f_blocks * about.f_frsize,
                 free: about.f_bavail * about.f_frsize,
             },
@@ -81,64 +81,70 @@ fn refused(error: Errno) -> String {
 /// What is wrong with shared memory for runs with processes in general, with the remedy: it cannot be used, or is so full that
 /// hardly any run fits. [`describe`] compares it with what a certain run needs.
 pub fn complaint() -> Option<String> {
-    let room = Room::now();
-    let small =
-        || (room.free < FEW).then(|| format!("shared memory is too small for most runs with processes: {}", words()));
+    let memory = SharedMemory::now();
+    let small = || {
+        (memory.free < SMALL_RUN_BYTES).then(|| {
+            format!(
+                "shared memory is too small for most runs with processes: {}",
+                free_memory_text()
+            )
+        })
+    };
     unusable().or_else(small)
 }
 
 /// The shared memory that a plan needs, in one line.
 pub fn describe(plan: &Plan) -> String {
-    let (needs, room) = (footprint(plan), Room::now());
+    let (needs, memory) = (footprint(plan), SharedMemory::now());
     format!(
         "shared memory: {} in {SHARED_MEMORY} at least, {} if there is enough; {} of {} are free",
         mib(needs.minimum()),
         mib(needs.optimum()),
-        mib(room.free),
-        mib(room.size)
+        mib(memory.free),
+        mib(memory.size)
     )
 }
 
 /// The same as figures for programs.
 pub fn figures(plan: &Plan) -> serde_json::Value {
-    let (needs, room) = (footprint(plan), Room::now());
+    let (needs, memory) = (footprint(plan), SharedMemory::now());
     serde_json::json!({
         "least_bytes": needs.minimum(),
         "best_bytes": needs.optimum(),
-        "free_bytes": room.free,
+        "free_bytes": memory.free,
         "open_files": needs.files,
     })
 }
 
 /// The state of shared memory when a page of it was missing, in words that follow what happened.
-pub(crate) fn words() -> String {
-    let room = Room::now();
+pub(crate) fn free_memory_text() -> String {
+    let memory = SharedMemory::now();
     format!(
         "{} of {} in {SHARED_MEMORY} are free: end what else uses it, or make it larger, such as with docker run --shm-size",
-        mib(room.free),
-        mib(room.size)
+        mib(memory.free),
+        mib(memory.size)
     )
 }
 
 /// The most likely cause when a process was ended by SIGBUS; empty for other ends.
-pub(crate) fn of_bus_error(status: ExitStatus) -> String {
+pub(crate) fn bus_error_hint(status: ExitStatus) -> String {
     match status.signal() {
-        Some(libc::SIGBUS) => format!(" (shared memory may have been full; {})", words()),
+        Some(libc::SIGBUS) => format!(" (shared memory may have been full; {})", free_memory_text()),
         _ => String::new(),
     }
 }
 
 /// The failure that shared memory was full.
-pub(crate) fn full() -> RunFailure {
-    RunFailure::Room(format!("shared memory is full: {}", words()))
+pub(crate) fn memory_full() -> RunFailure {
+    RunFailure::Room(format!("shared memory is full: {}", free_memory_text()))
 }
 
-/// Refuses a run that exceeds the limits of this process. `places` is how many places in shared memory the orchestrator holds at a
+/// Refuses a run that exceeds the limits of this process. `domains` is how many domains in shared memory the orchestrator holds at a
 /// time: two if the run may move.
-fn within_limits(needs: &Footprint, places: u64) -> Result<(), RunFailure> {
+fn check_limits(needs: &Footprint, domains: u64) -> Result<(), RunFailure> {
     let refuse = |reason: String| Err(RunFailure::Room(reason));
     if let Some(most) = getrlimit(Resource::Nofile).current {
-        let files = (places * needs.files).max(needs.participant_files);
+        let files = (domains * needs.files).max(needs.participant_files);
         if files > most {
             return refuse(format!(
                 "open files: the run needs about {files} in one process, and a process may open {most}: raise the limit (ulimit -n {files}, \
@@ -147,7 +153,7 @@ fn within_limits(needs: &Footprint, places: u64) -> Result<(), RunFailure> {
         }
     }
     if let Some(most) = getrlimit(Resource::Fsize).current {
-        let records = needs.records.iter().map(|room| Footprint::record(*room.start()));
+        let records = needs.records.iter().map(|sizes| Footprint::record(*sizes.start()));
         let largest = records.max().unwrap_or(0).max(needs.largest);
         if largest > most {
             return refuse(format!(
@@ -162,7 +168,7 @@ fn within_limits(needs: &Footprint, places: u64) -> Result<(), RunFailure> {
 }
 
 /// Shared memory that is reserved for a run until the run itself allocates it. It is removed with the run's folder.
-pub(crate) struct Reserved {
+pub(crate) struct Reservation {
     file: File,
     path: PathBuf,
     /// The size of each participant's ring, bytes.
@@ -173,98 +179,98 @@ pub(crate) struct Reserved {
 
 /// The sizes of rings when `free` bytes are free: all rings are reduced from the best size by the same fraction, and they use at
 /// most half of what the least sizes leave, because other runs may start.
-fn rings(needs: &Footprint, free: u64) -> Vec<u32> {
+fn ring_sizes(needs: &Footprint, free: u64) -> Vec<u32> {
     let spare = free.saturating_sub(needs.minimum()) / 2;
     let extra = (needs.optimum() - needs.minimum()).max(1);
-    let share = |room: &std::ops::RangeInclusive<u64>| {
-        let more = (room.end() - room.start()) as u128 * u128::from(spare.min(extra)) / u128::from(extra);
+    let share = |sizes: &std::ops::RangeInclusive<u64>| {
+        let more = (sizes.end() - sizes.start()) as u128 * u128::from(spare.min(extra)) / u128::from(extra);
         // Rounding down to whole pages keeps the sum within `spare`.
-        let ring = room.start() + more as u64 / 4096 * 4096;
+        let ring = sizes.start() + more as u64 / 4096 * 4096;
         ring.min(u64::from(u32::MAX / 64 * 64)) as u32
     };
     needs.records.iter().map(share).collect()
 }
 
-/// Refuses to move a run of `plan` to another place in shared memory if there is no room for its services in addition to the old
+/// Refuses to move a run of `plan` to another domain in shared memory if there is no room for its services in addition to the old
 /// ones.
-pub(crate) fn enough_to_move(plan: &Plan) -> Result<(), RunFailure> {
-    let (needs, room) = (footprint(plan), Room::now());
-    if needs.services > room.free {
+pub(crate) fn check_relocation(plan: &Plan) -> Result<(), RunFailure> {
+    let (needs, memory) = (footprint(plan), SharedMemory::now());
+    if needs.services > memory.free {
         return Err(RunFailure::Room(format!(
             "shared memory: to be resumed the run needs {}, and {}",
             mib(needs.services),
-            words()
+            free_memory_text()
         )));
     }
     Ok(())
 }
 
 /// The size of each participant's ring, bytes, in a run of `plan` that has its services already.
-pub(crate) fn rings_now(plan: &Plan) -> Result<Vec<u32>, RunFailure> {
-    let (mut needs, room) = (footprint(plan), Room::now());
+pub(crate) fn ring_sizes_now(plan: &Plan) -> Result<Vec<u32>, RunFailure> {
+    let (mut needs, memory) = (footprint(plan), SharedMemory::now());
     needs.services = 0;
-    if needs.minimum() > room.free {
+    if needs.minimum() > memory.free {
         return Err(RunFailure::Room(format!(
             "shared memory: what participants record needs {}, and {}",
             mib(needs.minimum()),
-            words()
+            free_memory_text()
         )));
     }
-    Ok(rings(&needs, room.free.saturating_sub(SPARE)))
+    Ok(ring_sizes(&needs, memory.free.saturating_sub(SPARE_BYTES)))
 }
 
 /// Refuses a run of `plan` if the machine does not have enough resources, before anything is created.
-pub(crate) fn check(plan: &Plan, moves: bool) -> Result<(), RunFailure> {
-    let (needs, room) = (footprint(plan), Room::now());
-    within_limits(&needs, 1 + u64::from(moves))?;
+pub(crate) fn check(plan: &Plan, relocatable: bool) -> Result<(), RunFailure> {
+    let (needs, memory) = (footprint(plan), SharedMemory::now());
+    check_limits(&needs, 1 + u64::from(relocatable))?;
     if let Some(reason) = unusable() {
         return Err(RunFailure::Room(reason));
     }
-    let least = least(&needs, moves);
-    if least > room.free {
-        return Err(too_little(plan, &needs, least, room));
+    let least = least(&needs, relocatable);
+    if least > memory.free {
+        return Err(too_little_memory(plan, &needs, least, memory));
     }
     Ok(())
 }
 
 /// The least free shared memory with which a run starts.
-fn least(needs: &Footprint, moves: bool) -> u64 {
-    needs.minimum() + SPARE + if moves { needs.services } else { 0 }
+fn least(needs: &Footprint, relocatable: bool) -> u64 {
+    needs.minimum() + SPARE_BYTES + if relocatable { needs.services } else { 0 }
 }
 
-/// Checks that there is room for a run of `plan`, and reserves it in a file in `folder`. `moves` says that the run may be resumed,
-/// for which it briefly holds two places at once.
-pub(crate) fn reserve(plan: &Plan, folder: &Path, moves: bool) -> Result<Reserved, RunFailure> {
+/// Checks that there is room for a run of `plan`, and reserves it in a file in `folder`. `relocatable` says that the run may be resumed,
+/// for which it briefly holds two domains at once.
+pub(crate) fn reserve(plan: &Plan, folder: &Path, relocatable: bool) -> Result<Reservation, RunFailure> {
     let needs = footprint(plan);
-    let (room, least) = (Room::now(), least(&needs, moves));
+    let (memory, least) = (SharedMemory::now(), least(&needs, relocatable));
     let more = least - needs.minimum();
-    if least > room.free {
-        return Err(too_little(plan, &needs, least, room));
+    if least > memory.free {
+        return Err(too_little_memory(plan, &needs, least, memory));
     }
-    let rings = rings(&needs, room.free - more);
+    let rings = ring_sizes(&needs, memory.free - more);
     let records: u64 = rings.iter().map(|&ring| Footprint::record(u64::from(ring))).sum();
     let path = folder.join("reserved");
     let failed = |source: std::io::Error| RunFailure::Room(format!("`{}`: {source}", path.display()));
     let file = File::create_new(&path).map_err(failed)?;
-    let mut held: u64 = needs.services + records;
+    let mut reserved_bytes: u64 = needs.services + records;
     if let Some(most) = getrlimit(Resource::Fsize).current {
-        held = held.min(most);
+        reserved_bytes = reserved_bytes.min(most);
     }
-    match fallocate(&file, FallocateFlags::empty(), 0, held) {
-        Ok(()) | Err(Errno::OPNOTSUPP) => Ok(Reserved {
+    match fallocate(&file, FallocateFlags::empty(), 0, reserved_bytes) {
+        Ok(()) | Err(Errno::OPNOTSUPP) => Ok(Reservation {
             file,
             path,
             rings,
             records,
         }),
-        Err(Errno::NOSPC) => Err(too_little(plan, &needs, least, Room::now())),
+        Err(Errno::NOSPC) => Err(too_little_memory(plan, &needs, least, SharedMemory::now())),
         Err(error) => Err(failed(error.into())),
     }
 }
 
-impl Reserved {
+impl Reservation {
     /// Releases the memory of the services, which are about to be created.
-    pub(crate) fn give_services(&self) {
+    pub(crate) fn release_services(&self) {
         // If less was reserved than the rings need, this does not increase it.
         if let Ok(about) = self.file.metadata() {
             let _ = self.file.set_len(about.len().min(self.records));
@@ -273,9 +279,9 @@ impl Reserved {
 
     /// Releases the rest: participants are about to create their rings, of these sizes. `plan` is the one that runs, with the ports
     /// that programs described.
-    pub(crate) fn give_rings(self, plan: &Plan) -> Vec<u32> {
+    pub(crate) fn release_rings(self, plan: &Plan) -> Vec<u32> {
         let _ = std::fs::remove_file(&self.path);
-        let least = footprint(plan).records.into_iter().map(|room| *room.start());
+        let least = footprint(plan).records.into_iter().map(|sizes| *sizes.start());
         let rings = self.rings.into_iter().zip(least);
         rings
             .map(|(ring, least)| ring.max(u32::try_from(least).unwrap_or(u32::MAX / 64 * 64)))
@@ -283,16 +289,16 @@ impl Reserved {
     }
 }
 
-fn too_little(plan: &Plan, needs: &Footprint, least: u64, room: Room) -> RunFailure {
+fn too_little_memory(plan: &Plan, needs: &Footprint, least: u64, memory: SharedMemory) -> RunFailure {
     let (participants, links) = (plan.participants.len() as u64, plan.links.len());
-    let fit = participants * room.free.saturating_sub(SPARE) / least;
-    let used = room.size - room.free.min(room.size);
-    let size = (used + least.max(needs.minimum() + SPARE)).div_ceil(1 << 20);
+    let fit = participants * memory.free.saturating_sub(SPARE_BYTES) / least;
+    let used = memory.size - memory.free.min(memory.size);
+    let size = (used + least.max(needs.minimum() + SPARE_BYTES)).div_ceil(1 << 20);
     RunFailure::Room(format!(
         "shared memory: {participants} participants with {links} links need {} in {SHARED_MEMORY}, and {} of {} are free, enough for about {fit} of \
          the participants: make it {size} MiB, such as with docker run --shm-size={size}m or mount -o remount,size={size}m {SHARED_MEMORY}",
         mib(least),
-        mib(room.free),
-        mib(room.size)
+        mib(memory.free),
+        mib(memory.size)
     ))
 }

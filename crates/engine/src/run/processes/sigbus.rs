@@ -15,7 +15,7 @@ static MISSED: AtomicBool = AtomicBool::new(false);
 static PAGE: AtomicUsize = AtomicUsize::new(4096);
 
 /// Whether a page was missing since the last call.
-pub(crate) fn missed() -> bool {
+pub(crate) fn take_missed_page() -> bool {
     MISSED.swap(false, Ordering::Relaxed)
 }
 
@@ -56,7 +56,7 @@ extern "C" fn at_missing_page(_: libc::c_int, about: *mut libc::siginfo_t, _: *m
         let page = (address & !(size - 1)) as *mut libc::c_void;
         // SAFETY: the address belongs to a mapping of this process, otherwise the signal would be SIGSEGV; a page of zeros replaces
         // the missing one.
-        let there = unsafe {
+        let mapped = unsafe {
             libc::mmap(
                 page,
                 size,
@@ -66,7 +66,7 @@ extern "C" fn at_missing_page(_: libc::c_int, about: *mut libc::siginfo_t, _: *m
                 0,
             )
         };
-        if there != MAP_FAILED {
+        if mapped != MAP_FAILED {
             MISSED.store(true, Ordering::Relaxed);
             return;
         }
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn touching_a_page_that_cannot_be_had_is_survived() {
+    fn sigbus_handler_replaces_missing_page() {
         guard().expect("a handler");
         let size = page_size();
         let path = std::env::temp_dir().join(format!("escapement-bus-{}", std::process::id()));
@@ -112,11 +112,11 @@ mod tests {
         // SAFETY: within the mapping, which no other code knows of.
         unsafe {
             byte(1).write_volatile(7);
-            assert!(!missed());
+            assert!(!take_missed_page());
             byte(size + 1).write_volatile(8);
             assert_eq!((byte(1).read_volatile(), byte(size + 1).read_volatile()), (7, 8));
             libc::munmap(base, 2 * size);
         }
-        assert!(missed() && !missed());
+        assert!(take_missed_page() && !take_missed_page());
     }
 }

@@ -1,30 +1,30 @@
-//! Stall diagnosis: which participant fails to provide what when nothing moves, in words.
+//! Stall diagnosis: which participant fails to provide what when no participant makes progress, in words.
 
 use lockstep::plan::Plan;
 use lockstep::time::Ticks;
 use lockstep::transport::iceoryx::{Activity, Status};
 
-use super::descriptions::{doing, instant};
+use super::descriptions::{describe_activity, next_activation_s};
 use super::participants::ParticipantHandle;
-use super::process_state::{Life, life};
+use super::process_state::{ProcessState, process_state};
 use crate::scenario::ORCHESTRATOR;
 
 /// Why a participant is the cause of a stall: the lower the variant, the more certain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Blame {
+enum StallCause {
     /// The kernel reports that it is stopped, and it has work to do.
     StoppedWithWork,
-    /// It computes, has not started, or rests though it may proceed.
+    /// It computes, has not started, or is paused though it may proceed.
     Working,
     /// The kernel reports that it is stopped; what it was about to do is unknown.
     Stopped,
     /// It waits for something that has arrived already.
-    Blind,
+    IgnoresArrival,
 }
 
-/// Diagnoses a stall: the participant to blame, and what each participant does. `recorded` returns how many samples of a stream are
+/// Diagnoses a stall: the participant that causes it, and what each participant does. `recorded` returns how many samples of a stream are
 /// on the tape.
-pub(crate) fn standstill(
+pub(crate) fn diagnose(
     plan: &Plan,
     handles: &[ParticipantHandle],
     horizon: Ticks,
@@ -33,26 +33,26 @@ pub(crate) fn standstill(
 ) -> (String, String) {
     let mut lines = Vec::new();
     let statuses: Vec<Status> = handles.iter().map(ParticipantHandle::status).collect();
-    let mut blamed = Vec::new();
+    let mut causes = Vec::new();
     for (number, (handle, &status)) in handles.iter().zip(&statuses).enumerate() {
         let pid = handle.process.pid();
         lines.push(format!(
             "  {} (pid {pid}) at t = {} s: {}",
             handle.process.name,
-            instant(plan, number, status),
-            doing(plan, number, status)
+            next_activation_s(plan, number, status),
+            describe_activity(plan, number, status)
         ));
         if handle.timing.is_some() {
             continue;
         }
-        let own = &plan.participants[number];
-        let may = status.next < own.activations && own.sample_time.instant(status.next) < horizon;
+        let planned = &plan.participants[number];
+        let may_proceed = status.next < planned.activations && planned.sample_time.instant(status.next) < horizon;
         let working = match status.activity {
             Activity::Computing | Activity::Starting | Activity::Finished => true,
-            Activity::Paused => may || !handle.rests_at(horizon),
+            Activity::Paused => may_proceed || !handle.has_reached(horizon),
             _ => false,
         };
-        let blind = match status.activity {
+        let ignores_arrival = match status.activity {
             Activity::Input { .. } => awaited(plan, number, status).is_some_and(|(from, output, index)| {
                 let stream = plan.participants[from].first_stream as usize + output;
                 // A producer that waits for room in another link has recorded more than it has sent.
@@ -63,32 +63,32 @@ pub(crate) fn standstill(
             Activity::Recorder => true,
             _ => false,
         };
-        let blame = match (life(pid), working, blind) {
-            (Life::Stopped, true, _) | (Life::Stopped, _, true) => Blame::StoppedWithWork,
-            (_, true, _) => Blame::Working,
-            (Life::Stopped, ..) => Blame::Stopped,
-            (_, _, true) => Blame::Blind,
+        let cause = match (process_state(pid), working, ignores_arrival) {
+            (ProcessState::Stopped, true, _) | (ProcessState::Stopped, _, true) => StallCause::StoppedWithWork,
+            (_, true, _) => StallCause::Working,
+            (ProcessState::Stopped, ..) => StallCause::Stopped,
+            (_, _, true) => StallCause::IgnoresArrival,
             _ => continue,
         };
-        blamed.push((blame, number));
+        causes.push((cause, number));
     }
-    let (name, debt) = match blamed.into_iter().min() {
+    let (name, diagnosis) = match causes.into_iter().min() {
         Some((_, number)) => {
             let pid = handles[number].process.pid();
             let (name, does) = (
                 handles[number].process.name.clone(),
                 state(pid, &statuses[number], seconds),
             );
-            let debt = format!(
+            let diagnosis = format!(
                 "{name} (pid {pid}, {does}) {}",
-                owes(plan, number, &statuses, &recorded)
+                overdue_work(plan, number, &statuses, &recorded)
             );
-            (name, debt)
+            (name, diagnosis)
         }
         None => (ORCHESTRATOR.to_owned(), "no participant owes anything".to_owned()),
     };
     let text = format!(
-        "nothing has moved for {seconds:.1} s: {debt}; recorder idle\n{}",
+        "nothing has moved for {seconds:.1} s: {diagnosis}; recorder idle\n{}",
         lines.join("\n")
     );
     (name, text)
@@ -113,11 +113,11 @@ fn state(pid: u32, status: &Status, seconds: f64) -> String {
         Activity::Finished => "done without having reported it,",
         Activity::Input { .. } | Activity::Room { .. } | Activity::Recorder => "waiting",
     };
-    format!("{}, {work} for {seconds:.1} s", life(pid).words())
+    format!("{}, {work} for {seconds:.1} s", process_state(pid).words())
 }
 
 /// `has not published push #200; plant waits for it at t = 2 s`
-fn owes(plan: &Plan, culprit: usize, statuses: &[Status], recorded: impl Fn(usize) -> u64) -> String {
+fn overdue_work(plan: &Plan, culprit: usize, statuses: &[Status], recorded: impl Fn(usize) -> u64) -> String {
     if let Some((from, output, index)) = awaited(plan, culprit, statuses[culprit]) {
         let name = plan.output_name((from, output));
         let stream = plan.participants[from].first_stream as usize + output;
@@ -135,7 +135,7 @@ fn owes(plan: &Plan, culprit: usize, statuses: &[Status], recorded: impl Fn(usiz
             "has not published {} #{index}; {} waits for it at t = {} s",
             plan.participants[culprit].interface.outputs[output].name,
             plan.participants[number].name,
-            instant(plan, number, statuses[number])
+            next_activation_s(plan, number, statuses[number])
         ),
         None => format!("has not completed activation {}", statuses[culprit].next),
     }

@@ -1,7 +1,7 @@
 //! Start-up of a run: processes, handshake, plan, tape, services and positions, up to the first step.
 //!
 //! Before the first step no state can be lost. So if the `on-failure` of a participant that fails is a restart or a substitute, all
-//! participants are started again in a fresh place, the failed one with the program that its policy names.
+//! participants are started again in a new domain, the failed one with the program that its policy names.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -12,36 +12,36 @@ use lockstep::time::Rational;
 use tape::folder::RunFolder;
 use tape::{Event, EventKind};
 
-use super::executor::{Failures, Processes, Rounds};
+use super::executor::{Failures, PeriodicTasks, Processes};
 use super::handshake;
 use super::monitor::Monitor;
 use super::participants::{self, ParticipantHandle};
-use super::place::Place;
 use super::placement::Placement;
 use super::port_discovery;
 use super::resources;
+use super::run_services::RunServices;
 use crate::run::failed::{RESTARTS_MAX, Restarts};
 use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
-use crate::run::prepare::{self, Known, Ready, Start};
+use crate::run::prepare::{self, Known, PreparedRun, StartPoint};
 use crate::run::recording::recorder::Recorder;
-use crate::run::timeout::Awake;
+use crate::run::timeout::ActiveTime;
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
 
 /// What follows from the ports, and is the same in every attempt.
-struct Basis {
+struct PlannedRun {
     interfaces: Vec<Interface>,
     plan: Arc<Plan>,
     recorder: Recorder,
-    start: Start,
+    start: StartPoint,
 }
 
 /// What an attempt has created.
-type Begun = (Scope, Place, Placement, Vec<ParticipantHandle>);
+type StartedRun = (Scope, RunServices, Placement, Vec<ParticipantHandle>);
 
 /// The arguments of every attempt.
-struct SetUp<'a> {
+struct StartUp<'a> {
     scenario: &'a Scenario,
     options: &'a Options,
     /// The ports of each builtin participant.
@@ -50,8 +50,8 @@ struct SetUp<'a> {
     sketch: &'a Plan,
     folder: &'a RunFolder,
     monitor: &'a Monitor,
-    /// Whether a program may ask for the samples of any stream.
-    asked: bool,
+    /// Whether a program drives the run and may query the samples of any stream.
+    driven: bool,
 }
 
 /// Starts the programs of `entries`, and creates everything that they need.
@@ -65,26 +65,26 @@ pub(crate) fn set_up(
     mut entries: Vec<Entry>,
     folder: &RunFolder,
     monitor: &Monitor,
-    asked: bool,
-) -> Result<(Ready, Processes), RunFailure> {
-    let all = SetUp {
+    driven: bool,
+) -> Result<(PreparedRun, Processes), RunFailure> {
+    let all = StartUp {
         scenario,
         options,
         known: &known.interfaces,
         sketch: &known.plan,
         folder,
         monitor,
-        asked,
+        driven,
     };
-    let (mut basis, mut programs) = (None, 0);
+    let (mut planned, mut programs) = (None, 0);
     let mut failures = vec![0; entries.len()];
     let mut events: Vec<Event> = Vec::new();
     loop {
-        let attempt = all.attempt(&entries, &mut basis, &mut programs);
-        let (participant, reason) = match (attempt, basis.take()) {
-            (Ok(begun), Some(made)) => return together(options, entries, made, begun, programs, events),
+        let attempt = all.attempt(&entries, &mut planned, &mut programs);
+        let (participant, reason) = match (attempt, planned.take()) {
+            (Ok(started), Some(made)) => return assemble(options, entries, made, started, programs, events),
             (Err(RunFailure::Participant { participant, reason }), made) => {
-                basis = made;
+                planned = made;
                 (participant, reason)
             }
             (Err(other), _) => return Err(other),
@@ -111,20 +111,20 @@ pub(crate) fn set_up(
 }
 
 /// Combines the results of a successful attempt into what the run needs.
-fn together(
+fn assemble(
     options: &Options,
     entries: Vec<Entry>,
-    basis: Basis,
-    (scope, place, placement, handles): Begun,
+    planned: PlannedRun,
+    (scope, services, placement, handles): StartedRun,
     programs: usize,
     events: Vec<Event>,
-) -> Result<(Ready, Processes), RunFailure> {
-    let Basis {
+) -> Result<(PreparedRun, Processes), RunFailure> {
+    let PlannedRun {
         plan,
         mut recorder,
         start,
         ..
-    } = basis;
+    } = planned;
     let time = plan.timebase.time(start.from).unwrap_or_default();
     let words = |event: &Event| {
         format!(
@@ -142,7 +142,7 @@ fn together(
     }
     let processes = Processes {
         handles,
-        place,
+        services,
         scope,
         monitor: Monitor::new(options.interrupt.clone()),
         programs,
@@ -151,9 +151,9 @@ fn together(
             unhandled: Vec::new(),
         },
         placement: placement.reason,
-        rounds: Rounds::new(options.patience()),
+        periodic: PeriodicTasks::new(options.stall_timeout()),
     };
-    let ready = Ready {
+    let ready = PreparedRun {
         entries,
         plan,
         recorder,
@@ -190,15 +190,20 @@ fn apply_policy(entry: &mut Entry, count: u32, reason: &str) -> Option<Event> {
     })
 }
 
-impl SetUp<'_> {
-    /// One attempt in its own place. After an error all processes of the attempt have ended.
-    fn attempt(&self, entries: &[Entry], basis: &mut Option<Basis>, programs: &mut usize) -> Result<Begun, RunFailure> {
+impl StartUp<'_> {
+    /// One attempt in its own domain. After an error all processes of the attempt have ended.
+    fn attempt(
+        &self,
+        entries: &[Entry],
+        planned: &mut Option<PlannedRun>,
+        programs: &mut usize,
+    ) -> Result<StartedRun, RunFailure> {
         let (scenario, options) = (self.scenario, self.options);
         let scope = Scope::create()?;
         let reserved = resources::reserve(self.sketch, &scope.address().folder, scenario.moves())?;
-        reserved.give_services();
+        reserved.release_services();
         let names = entries.iter().map(|entry| entry.setup.name.as_str());
-        let (domain, ports) = Place::enter(scope.address(), names)?;
+        let (domain, ports) = RunServices::enter_domain(scope.address(), names)?;
         let mut handles = Vec::new();
         for (entry, ports) in entries.iter().zip(ports) {
             let name = &entry.setup.name;
@@ -215,26 +220,26 @@ impl SetUp<'_> {
             ));
         }
         // Every wait below ends when any of the participants fails.
-        let monitor = self.monitor.over(handles.iter().map(|handle| &handle.process));
+        let monitor = self.monitor.monitoring(handles.iter().map(|handle| &handle.process));
         let monitor = monitor.map_err(|error| RunFailure::Other(error.to_string()))?;
-        let mut waited = Awake::since(Instant::now());
+        let mut waited = ActiveTime::since(Instant::now());
         for handle in &mut handles {
-            participants::arrive(handle, &mut waited, &monitor)?;
+            participants::await_entry(handle, &mut waited, &monitor)?;
         }
-        let known: Vec<Option<&Interface>> = match &*basis {
+        let known: Vec<Option<&Interface>> = match &*planned {
             Some(before) => before.interfaces.iter().map(Some).collect(),
             None => self.known.iter().map(Option::as_ref).collect(),
         };
         let interfaces = handshake::handshake_all(scenario, entries, &known, &mut handles, &monitor)?;
-        let Basis { plan, start, .. } = match basis {
-            Some(basis) => basis,
+        let PlannedRun { plan, start, .. } = match planned {
+            Some(planned) => planned,
             None => {
                 let plan = scenario.plan(&interfaces)?;
                 port_discovery::check_substitutes(scenario, &interfaces, options, &monitor)?;
-                let mut recorder = prepare::recorder(scenario, plan, options, Some(self.folder), self.asked)?;
+                let mut recorder = prepare::create_recorder(scenario, plan, options, Some(self.folder), self.driven)?;
                 let plan = recorder.plan.clone();
-                let start = prepare::start(&plan, options, &mut recorder)?;
-                basis.insert(Basis {
+                let start = prepare::start_point(&plan, options, &mut recorder)?;
+                planned.insert(PlannedRun {
                     interfaces,
                     plan,
                     recorder,
@@ -242,15 +247,15 @@ impl SetUp<'_> {
                 })
             }
         };
-        let place = Place::create_services(domain, plan)?;
+        let services = RunServices::create(domain, plan)?;
         let placement = Placement::choose(plan, options);
-        let rings = reserved.give_rings(plan);
-        let connecting = handshake::Connecting {
+        let rings = reserved.release_rings(plan);
+        let connector = handshake::Connector {
             placement: &placement,
             rings: &rings,
             monitor: &monitor,
         };
-        connecting.all(&mut handles, plan, start.positions.as_deref())?;
-        Ok((scope, place, placement, handles))
+        connector.connect_all(&mut handles, plan, start.positions.as_deref())?;
+        Ok((scope, services, placement, handles))
     }
 }

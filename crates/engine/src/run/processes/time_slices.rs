@@ -11,48 +11,55 @@ use libc::{SCHED_BATCH, SCHED_OTHER, SYS_sched_getattr, SYS_sched_setattr, c_lon
 /// The short slice, ns: the shortest that the kernel grants.
 const SHORT_NS: u64 = 100_000;
 /// The kernel's default.
-const USUAL: u64 = 0;
+const DEFAULT_NS: u64 = 0;
 /// How many checks in a row must agree before the slices change.
-const LOOKS: u32 = 2;
+const CHECKS_TO_CHANGE: u32 = 2;
 
 /// The slices of this thread, and of the processes that it has started or will start.
 #[derive(Debug, Default)]
-pub(crate) struct Slices {
+pub(crate) struct TimeSlices {
     short: bool,
-    otherwise: u32,
+    disagreeing_checks: u32,
 }
 
-impl Slices {
+impl TimeSlices {
     /// Checks the load of the cores, and changes the slices of this thread and of `processes` if it has changed.
-    pub(crate) fn look(&mut self, processes: impl ExactSizeIterator<Item = u32>) {
-        let crowded = crowded(processes.len() + 1);
-        self.otherwise = if crowded == self.short { 0 } else { self.otherwise + 1 };
-        if self.otherwise == LOOKS {
-            (self.short, self.otherwise) = (crowded, 0);
-            let slice = if crowded { SHORT_NS } else { USUAL };
-            ask(0, slice);
-            processes.for_each(|process| ask(process, slice));
+    pub(crate) fn update(&mut self, processes: impl ExactSizeIterator<Item = u32>) {
+        let oversubscribed = is_oversubscribed(processes.len() + 1);
+        self.disagreeing_checks = if oversubscribed == self.short {
+            0
+        } else {
+            self.disagreeing_checks + 1
+        };
+        if self.disagreeing_checks == CHECKS_TO_CHANGE {
+            (self.short, self.disagreeing_checks) = (oversubscribed, 0);
+            let slice = if oversubscribed { SHORT_NS } else { DEFAULT_NS };
+            request_slice(0, slice);
+            processes.for_each(|process| request_slice(process, slice));
         }
     }
 }
 
 /// Whether more threads are runnable than there are cores, and some of them belong to other work. `own` is the number of the run's
 /// own threads.
-fn crowded(own: usize) -> bool {
+fn is_oversubscribed(own_threads: usize) -> bool {
     let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     // SAFETY: the call takes and returns a number.
     let cores = unsafe { libc::sysconf(libc::_SC_NPROCESSORS_ONLN) };
-    running(&text).is_some_and(|running| running > own && i64::try_from(running).is_ok_and(|running| running > cores))
+    runnable_threads(&text).is_some_and(|runnable_threads| {
+        runnable_threads > own_threads
+            && i64::try_from(runnable_threads).is_ok_and(|runnable_threads| runnable_threads > cores)
+    })
 }
 
 /// The number of runnable threads, from a line such as `0.20 0.18 0.12 3/215 4711`.
-fn running(loadavg: &str) -> Option<usize> {
+fn runnable_threads(loadavg: &str) -> Option<usize> {
     loadavg.split_whitespace().nth(3)?.split_once('/')?.0.parse().ok()
 }
 
 /// Requests slices of `slice` ns for a process's main thread; process 0 is this thread. Only a hint: kernels before 6.12 ignore it,
 /// and a run without it is slower, not different.
-fn ask(process: u32, slice: u64) {
+fn request_slice(process: u32, slice: u64) {
     let process = process as c_long;
     // SAFETY: all zeros is a value of this plain structure of integers.
     let mut attributes: sched_attr = unsafe { std::mem::zeroed() };
@@ -83,20 +90,20 @@ mod tests {
     }
 
     #[test]
-    fn a_slice_is_asked_for_and_given_back() {
+    fn time_slice_is_requested_and_reset() {
         let usual = slice();
-        ask(0, SHORT_NS);
+        request_slice(0, SHORT_NS);
         let short = slice();
-        ask(0, USUAL);
+        request_slice(0, DEFAULT_NS);
         assert_eq!(slice(), usual);
         // Older kernels ignore the request.
         assert!(short == SHORT_NS || short == usual, "{short} ns, usually {usual} ns");
     }
 
     #[test]
-    fn the_kernels_line_is_read() {
-        assert_eq!(running("0.20 0.18 0.12 3/215 4711\n"), Some(3));
-        assert_eq!(running("0.20 0.18"), None);
-        assert_eq!(running(""), None);
+    fn runnable_threads_are_parsed_from_loadavg() {
+        assert_eq!(runnable_threads("0.20 0.18 0.12 3/215 4711\n"), Some(3));
+        assert_eq!(runnable_threads("0.20 0.18"), None);
+        assert_eq!(runnable_threads(""), None);
     }
 }

@@ -71,9 +71,9 @@ pub(crate) fn events(plan: &Plan) -> VecDeque<(Ticks, Event)> {
 /// The faults that are active at `t`, as the end of a sentence; empty if there are none.
 pub(crate) fn active(plan: &Plan, t: Ticks) -> String {
     let ticks = |time| plan.timebase.ceil(time).unwrap_or(Ticks::MAX);
-    let there =
+    let is_active =
         |notice: &Notice<'_>| ticks(notice.span.at) <= t && notice.span.until.is_none_or(|until| t < ticks(until));
-    let names = notices(plan).into_iter().filter(there);
+    let names = notices(plan).into_iter().filter(is_active);
     let names: Vec<String> = names
         .map(|notice| format!("`{}` ({})", notice.name, notice.words))
         .collect();

@@ -14,7 +14,7 @@ pub struct Forbidden {
 }
 
 /// Watches some elements of one stream.
-pub struct Watch {
+pub struct SampleGuard {
     name: String,
     /// The number of the stream.
     pub(crate) stream: usize,
@@ -22,11 +22,11 @@ pub struct Watch {
     forbidden: Forbidden,
     frozen_for: Option<Ticks>,
     /// The latest bytes of the elements, and since when they are unchanged.
-    held: Option<(Vec<u8>, Ticks)>,
+    last_value: Option<(Vec<u8>, Ticks)>,
 }
 
 /// The key of a guard, and its state.
-pub(crate) type Saved = (String, Option<(Vec<u8>, Ticks)>);
+pub(crate) type SavedGuard = (String, Option<(Vec<u8>, Ticks)>);
 
 /// An element with its name, and the field that it is of.
 struct Element {
@@ -44,7 +44,7 @@ impl Element {
     }
 }
 
-impl Watch {
+impl SampleGuard {
     /// A guard called `name` over the elements `slots` of the payload `descriptor` of stream number `stream`: they must
     /// not be what is `forbidden`, and must not be the same for `frozen_for` ticks or longer.
     pub fn new(
@@ -54,7 +54,7 @@ impl Watch {
         slots: Vec<Slot>,
         forbidden: Forbidden,
         frozen_for: Option<Ticks>,
-    ) -> Watch {
+    ) -> SampleGuard {
         let all = descriptor.fields.iter().flat_map(|field| {
             let unit = if field.unit == "1" {
                 String::new()
@@ -71,18 +71,18 @@ impl Watch {
             unit,
             field,
         };
-        Watch {
+        SampleGuard {
             name,
             stream,
             elements: elements.map(element).collect(),
             forbidden,
             frozen_for,
-            held: None,
+            last_value: None,
         }
     }
 
     /// What is wrong with sample number `index`, stamped `stamp`, if anything is. To be called for each sample in order.
-    pub(crate) fn look(&mut self, index: u64, stamp: Ticks, payload: &[u8], timebase: Timebase) -> Option<String> {
+    pub(crate) fn check(&mut self, index: u64, stamp: Ticks, payload: &[u8], timebase: Timebase) -> Option<String> {
         let (guard, t) = (&self.name, timebase.seconds(stamp));
         if let Some((low, high)) = self.forbidden.range {
             let outside = |element: &&Element| !(low..=high).contains(&element.slot.value(payload));
@@ -105,8 +105,8 @@ impl Watch {
             let slots = self.elements.iter().map(|element| element.slot);
             slots.flat_map(|slot| &payload[slot.range()])
         };
-        match &mut self.held {
-            Some((held, since)) if held.iter().eq(bytes()) => {
+        match &mut self.last_value {
+            Some((last_value, since)) if last_value.iter().eq(bytes()) => {
                 if stamp - *since < frozen_for {
                     return None;
                 }
@@ -120,29 +120,31 @@ impl Watch {
                     timebase.seconds(*since)
                 ))
             }
-            held => {
-                *held = Some((bytes().copied().collect(), stamp));
+            last_value => {
+                *last_value = Some((bytes().copied().collect(), stamp));
                 None
             }
         }
     }
 
     /// Its state, for a guard of the same elements and conditions.
-    pub(crate) fn saved(&self) -> Saved {
-        (self.key(), self.held.clone())
+    pub(crate) fn saved(&self) -> SavedGuard {
+        (self.key(), self.last_value.clone())
     }
 
     /// Restores the state that a guard of the same elements and conditions has saved; returns whether there is one.
-    pub(crate) fn restore(&mut self, all: &[Saved]) -> bool {
+    pub(crate) fn restore(&mut self, all: &[SavedGuard]) -> bool {
         let key = self.key();
         let saved = all.iter().find(|(saved, _)| *saved == key);
-        saved.inspect(|(_, held)| self.held.clone_from(held)).is_some()
+        saved
+            .inspect(|(_, last_value)| self.last_value.clone_from(last_value))
+            .is_some()
     }
 
     /// Its elements and conditions, as a key.
     fn key(&self) -> String {
         let elements: Vec<&str> = self.elements.iter().map(|element| &*element.name).collect();
-        let Watch {
+        let SampleGuard {
             forbidden, frozen_for, ..
         } = self;
         format!("{} {elements:?} {forbidden:?} {frozen_for:?}", self.stream)
@@ -154,7 +156,7 @@ impl Watch {
     }
 
     /// Another program provides this stream from now on.
-    pub(crate) fn renew(&mut self) {
-        self.held = None;
+    pub(crate) fn reset(&mut self) {
+        self.last_value = None;
     }
 }

@@ -8,17 +8,17 @@ use tape::StreamSpec;
 use crate::run::outcome::RunFailure;
 
 /// The newest sample of each stream.
-pub(crate) struct Newest(Vec<(Option<Header>, Payload)>);
+pub(crate) struct NewestSamples(Vec<(Option<Header>, Payload)>);
 
-impl Newest {
+impl NewestSamples {
     /// For `streams`, without any sample yet.
-    pub(crate) fn new(streams: &[StreamSpec]) -> Newest {
+    pub(crate) fn new(streams: &[StreamSpec]) -> NewestSamples {
         let sizes = streams.iter().map(|spec| spec.descriptor.size as usize);
-        Newest(sizes.map(|size| (None, Payload::zeroed(size))).collect())
+        NewestSamples(sizes.map(|size| (None, Payload::zeroed(size))).collect())
     }
 
     /// Discards all samples.
-    pub(crate) fn forget(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.0.iter_mut().for_each(|(header, _)| *header = None);
     }
 

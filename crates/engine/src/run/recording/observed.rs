@@ -3,7 +3,7 @@
 use lockstep::plan::{Observed, Plan};
 use tape::StreamSpec;
 
-use super::guard::Watch;
+use super::guard::SampleGuard;
 use super::kept::Kept;
 use crate::assessment::Assessment;
 use crate::scenario::Scenario;
@@ -13,7 +13,7 @@ pub(crate) struct Observers<'a> {
     /// What the tape, or its digest, keeps of each stream, if there is one.
     pub(crate) kept: Option<&'a [Kept]>,
     pub(crate) assessment: Option<&'a dyn Assessment>,
-    pub(crate) guards: &'a [Watch],
+    pub(crate) guards: &'a [SampleGuard],
     /// Whether every sample is observed: a program may ask for the newest of any stream, or the run may be resumed.
     pub(crate) all: bool,
 }

@@ -10,19 +10,19 @@ use lockstep::transport::{Header, TransportError};
 use tape::{AppendError, Digest, Event, EventKind};
 
 use super::faults;
-use super::guard::Watch;
-use super::lanes::Lanes;
-use super::newest::Newest;
+use super::guard::SampleGuard;
+use super::newest::NewestSamples;
 use super::store::Store;
 use super::streams::streams;
+use super::tape_mapping::TapeMapping;
 use crate::assessment::{Assessment, Figures};
 use crate::run::outcome::Ending;
-use crate::run::saved::beyond_tape::Recent;
-use crate::run::saved::history::{Played, difference};
+use crate::run::saved::history::{History, difference};
+use crate::run::saved::off_tape::SampleBuffer;
 
 /// The number of samples of stream number `stream` when the next activation of its owner is `next`.
 pub(crate) fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u64 {
-    let outputs = plan.participants.iter().map(|own| own.interface.outputs.len());
+    let outputs = plan.participants.iter().map(|planned| planned.interface.outputs.len());
     if stream < outputs.sum() {
         plan.samples_before(owner, next)
     } else {
@@ -35,10 +35,10 @@ pub(crate) fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u6
 pub struct Recorder {
     pub(crate) store: Store,
     /// Which samples are kept.
-    pub(crate) lanes: Lanes,
+    pub(crate) tape_mapping: TapeMapping,
     pub(crate) assessment: Option<Box<dyn Assessment>>,
     /// The streams that the assessment reads.
-    read: Vec<bool>,
+    assessed: Vec<bool>,
     pub(crate) plan: Arc<Plan>,
     /// The participant that owns each stream.
     pub(crate) owners: Vec<usize>,
@@ -47,70 +47,72 @@ pub struct Recorder {
     /// The newest stamp of any sample, ticks.
     pub newest: i64,
     pub(crate) error: Option<AppendError>,
-    pub(crate) watches: Vec<Watch>,
+    pub(crate) guards: Vec<SampleGuard>,
     /// The newest sample of each stream, if a program may ask for it.
-    pub(crate) latest: Option<Newest>,
+    pub(crate) latest: Option<NewestSamples>,
     /// How many events that do not follow from the samples have been recorded.
-    pub(crate) told: usize,
+    pub(crate) event_count: usize,
     /// The first sample that a guard rejected: its participant, and the reason.
     pub(crate) violation: Option<(usize, String)>,
     /// The participants whose guard violations were reported, until another program provides their outputs.
     offenders: Vec<usize>,
     /// The samples that were recorded before the run went back to a checkpoint, and are now recorded again.
-    pub(crate) again: Option<Played>,
+    pub(crate) previous: Option<History>,
     /// The buffered samples of streams of which the tape leaves samples out, if the run may be resumed.
-    pub(crate) recent: Option<Recent>,
+    pub(crate) sample_buffer: Option<SampleBuffer>,
     /// How many samples of each stream its producer has published at its present position: those that have come, or fewer since the
     /// run went back.
-    pub(crate) reached: Vec<u64>,
+    pub(crate) published: Vec<u64>,
     /// How many samples of each stream have come.
-    pub(crate) came: Vec<u64>,
+    pub(crate) recorded: Vec<u64>,
     /// The number of samples of each stream that precede the first activation.
-    early: Vec<u64>,
-    /// The activation at which each participant started in the present place.
-    pub(crate) base: Vec<u64>,
+    initial_samples: Vec<u64>,
+    /// The activation at which each participant started in the present domain.
+    pub(crate) base_activations: Vec<u64>,
     /// The granted time (horizon), ticks: no activation at or past it may happen yet.
     pub(crate) granted: Ticks,
 }
 
 impl Recorder {
-    /// Records into `store` the samples that `lanes` keeps of the streams of `plan`, and checks every sample with `watches`.
+    /// Records into `store` the samples that `lanes` keeps of the streams of `plan`, and checks every sample with `guards`.
     pub(crate) fn new(
         plan: Arc<Plan>,
         store: Store,
-        lanes: Lanes,
+        tape_mapping: TapeMapping,
         assessment: Option<Box<dyn Assessment>>,
-        watches: Vec<Watch>,
+        guards: Vec<SampleGuard>,
     ) -> Recorder {
         let outputs = plan.participants.iter().enumerate();
-        let outputs = outputs.flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number));
+        let outputs = outputs.flat_map(|(number, planned)| planned.interface.outputs.iter().map(move |_| number));
         let owners: Vec<usize> = outputs.chain(plan.seen.iter().map(|seen| seen.participant)).collect();
-        let reached = vec![0; owners.len()];
-        let early = owners.iter().enumerate();
-        let early = early.map(|(stream, &owner)| samples(&plan, stream, owner, 0)).collect();
-        let reads = |stream| assessment.as_ref().is_some_and(|own| own.reads(stream));
+        let published = vec![0; owners.len()];
+        let initial_samples = owners.iter().enumerate();
+        let initial_samples = initial_samples
+            .map(|(stream, &owner)| samples(&plan, stream, owner, 0))
+            .collect();
+        let reads = |stream| assessment.as_ref().is_some_and(|assessment| assessment.reads(stream));
         Recorder {
-            read: (0..owners.len()).map(reads).collect(),
+            assessed: (0..owners.len()).map(reads).collect(),
             store,
-            lanes,
+            tape_mapping,
             assessment,
-            watches,
+            guards,
             latest: None,
-            told: 0,
-            early,
+            event_count: 0,
+            initial_samples,
             violation: None,
             offenders: Vec::new(),
             faults: faults::events(&plan),
-            base: vec![0; plan.participants.len()],
+            base_activations: vec![0; plan.participants.len()],
             granted: Ticks::MAX,
             plan,
             owners,
             newest: i64::MIN,
             error: None,
-            again: None,
-            recent: None,
-            came: reached.clone(),
-            reached,
+            previous: None,
+            sample_buffer: None,
+            recorded: published.clone(),
+            published,
         }
     }
 
@@ -120,9 +122,9 @@ impl Recorder {
     }
 
     /// All participants continue at `cut`: the samples after it come next.
-    pub fn stand_at(&mut self, cut: &Cut) {
-        self.base.clone_from(&cut.next);
-        self.reached = self.samples_before(cut);
+    pub fn continue_at(&mut self, cut: &Cut) {
+        self.base_activations.clone_from(&cut.next);
+        self.published = self.samples_before(cut);
     }
 
     /// How many samples each stream has at `cut`.
@@ -132,23 +134,24 @@ impl Recorder {
         counts.collect()
     }
 
-    /// The next activation of each participant at rest at `now`. A substitute of a failed participant may be further ahead.
+    /// The next activation of each participant, paused at `now`. A substitute of a failed participant may be further ahead.
     pub fn cut_at(&self, now: Ticks) -> Cut {
         let mut cut = self.plan.cut_at(now);
-        for (next, base) in cut.next.iter_mut().zip(&self.base) {
+        for (next, base) in cut.next.iter_mut().zip(&self.base_activations) {
             *next = (*next).max(*base);
         }
         cut
     }
 
-    /// The activation at which participant number `participant` started in the present place.
-    pub fn base(&self, participant: usize) -> u64 {
-        self.base[participant]
+    /// The activation at which participant number `participant` started in the present domain.
+    pub fn base_activation(&self, participant: usize) -> u64 {
+        self.base_activations[participant]
     }
 
     /// From now on the newest sample of each stream can be asked for.
     pub fn keep_newest(&mut self) {
-        self.latest.get_or_insert_with(|| Newest::new(&streams(&self.plan)));
+        self.latest
+            .get_or_insert_with(|| NewestSamples::new(&streams(&self.plan)));
     }
 
     /// The newest sample of stream number `stream`, if there is one and [`Recorder::keep_newest`] was called before it came.
@@ -157,21 +160,21 @@ impl Recorder {
     }
 
     /// How many events that do not follow from the samples have been recorded.
-    pub(crate) fn told(&self) -> usize {
-        self.told
+    pub(crate) fn event_count(&self) -> usize {
+        self.event_count
     }
 
     /// The streams of the outputs of participant number `participant`.
     fn outputs(&self, participant: usize) -> std::ops::Range<usize> {
-        let own = &self.plan.participants[participant];
-        let first = own.first_stream as usize;
-        first..first + own.interface.outputs.len()
+        let planned = &self.plan.participants[participant];
+        let first = planned.first_stream as usize;
+        first..first + planned.interface.outputs.len()
     }
 
     /// How many whole activations of participant number `participant` have been recorded up to its present position; `None` if it
     /// has no outputs, because its samples then do not show that.
     pub fn activations(&self, participant: usize) -> Option<u64> {
-        let counts = self.reached[self.outputs(participant)].iter();
+        let counts = self.published[self.outputs(participant)].iter();
         counts
             .min()
             .map(|samples| self.plan.activations_of(participant, *samples))
@@ -185,12 +188,18 @@ impl Recorder {
     /// Whether the tape has samples of participant number `participant` that are still to come again, since the run went back.
     pub fn is_ahead_of(&self, participant: usize) -> bool {
         let mut outputs = self.outputs(participant);
-        outputs.any(|stream| self.reached[stream] < self.came[stream])
+        outputs.any(|stream| self.published[stream] < self.recorded[stream])
     }
 
     /// Compares a sample that comes again with the one on the tape, if it is there.
-    fn same_again(&self, again: &Played, number: usize, header: Header, payload: &[u8]) -> Result<(), TransportError> {
-        let before = again
+    fn compare_with_previous(
+        &self,
+        previous: &History,
+        number: usize,
+        header: Header,
+        payload: &[u8],
+    ) -> Result<(), TransportError> {
+        let before = previous
             .payload(number as u32, header.index)
             .map_err(|error| TransportError(error.to_string()))?;
         let Some(before) = before.filter(|before| before != payload) else {
@@ -231,7 +240,7 @@ impl Recorder {
                 header.index
             )));
         }
-        self.is_due(participant, number, header.index)?;
+        self.check_due(participant, number, header.index)?;
         self.take(participant, number, header, payload)
     }
 
@@ -244,20 +253,23 @@ impl Recorder {
         payload: &[u8],
     ) -> Result<(), TransportError> {
         if payload.is_empty() {
-            return self.pass(number, header);
+            return self.count_unobserved(number, header);
         }
-        if let Some(recent) = &mut self.recent {
-            recent.put(number, header.index, payload);
+        if let Some(sample_buffer) = &mut self.sample_buffer {
+            sample_buffer.put(number, header.index, payload);
         }
-        if let Some(again) = &self.again
-            && header.index < self.came[number]
+        if let Some(previous) = &self.previous
+            && header.index < self.recorded[number]
         {
-            self.same_again(again, number, header, payload)?;
-            self.reached[number] += 1;
+            self.compare_with_previous(previous, number, header, payload)?;
+            self.published[number] += 1;
             return Ok(());
         }
         let stamp = self.plan.timebase.seconds(header.stamp);
-        match self.lanes.put(&mut self.store, number, header.index, stamp, payload) {
+        match self
+            .tape_mapping
+            .put(&mut self.store, number, header.index, stamp, payload)
+        {
             Ok(()) => {}
             Err(error @ (AppendError::Io { .. } | AppendError::DiskFull { .. })) => {
                 let text = error.to_string();
@@ -266,12 +278,12 @@ impl Recorder {
             }
             Err(error) => return Err(TransportError(format!("recorded {error}"))),
         }
-        self.counts(number);
-        self.regard(participant, number, header, stamp, payload)
+        self.count_sample(number);
+        self.evaluate(participant, number, header, stamp, payload)
     }
 
     /// Counts a sample that is not observed; its participant has sent only the header.
-    fn pass(&mut self, number: usize, header: Header) -> Result<(), TransportError> {
+    fn count_unobserved(&mut self, number: usize, header: Header) -> Result<(), TransportError> {
         if self.plan.observed(number).contains(header.index) {
             return Err(TransportError(format!(
                 "recorded sample #{} of `{}` without a payload, which only a sample that is not observed may be",
@@ -279,17 +291,17 @@ impl Recorder {
                 self.name(number)
             )));
         }
-        self.counts(number);
+        self.count_sample(number);
         self.advance(header.stamp)
     }
 
-    fn counts(&mut self, number: usize) {
-        self.reached[number] += 1;
-        self.came[number] = self.came[number].max(self.reached[number]);
+    fn count_sample(&mut self, number: usize) {
+        self.published[number] += 1;
+        self.recorded[number] = self.recorded[number].max(self.published[number]);
     }
 
     /// Evaluates a sample for everything except the recording.
-    pub(crate) fn regard(
+    pub(crate) fn evaluate(
         &mut self,
         participant: usize,
         number: usize,
@@ -297,19 +309,19 @@ impl Recorder {
         stamp_s: f64,
         payload: &[u8],
     ) -> Result<(), TransportError> {
-        if let Some(assessment) = self.assessment.as_mut().filter(|_| self.read[number]) {
+        if let Some(assessment) = self.assessment.as_mut().filter(|_| self.assessed[number]) {
             assessment.sample(number, stamp_s, payload);
         }
         if let Some(latest) = &mut self.latest {
             latest.put(number, header, payload);
         }
-        for watch in self.watches.iter_mut().filter(|watch| watch.stream == number) {
-            if let Some(what) = watch.look(header.index, header.stamp, payload, self.plan.timebase)
+        for guard in self.guards.iter_mut().filter(|guard| guard.stream == number) {
+            if let Some(what) = guard.check(header.index, header.stamp, payload, self.plan.timebase)
                 && self.violation.is_none()
             {
-                let own = &self.plan.participants[participant];
-                let output = &own.interface.outputs[number - own.first_stream as usize].name;
-                self.violation = Some((participant, format!("gave out `{}.{output}` {what}", own.name)));
+                let planned = &self.plan.participants[participant];
+                let output = &planned.interface.outputs[number - planned.first_stream as usize].name;
+                self.violation = Some((participant, format!("gave out `{}.{output}` {what}", planned.name)));
             }
         }
         self.advance(header.stamp)
@@ -319,26 +331,27 @@ impl Recorder {
     pub(crate) fn advance(&mut self, stamp: Ticks) -> Result<(), TransportError> {
         if stamp > self.newest {
             self.newest = stamp;
-            self.tell_of_faults()?;
+            self.record_due_faults()?;
         }
         Ok(())
     }
 
     /// Checks that sample `index` of stream number `stream` is the next one, and that its activation lies before the granted time.
-    fn is_due(&self, participant: usize, stream: usize, index: u64) -> Result<(), TransportError> {
-        let (own, due) = (&self.plan.participants[participant], self.reached[stream]);
-        let activation = index.checked_sub(self.early[stream]);
-        let granted = activation.is_none_or(|k| k < own.activations && own.sample_time.instant(k) < self.granted);
+    fn check_due(&self, participant: usize, stream: usize, index: u64) -> Result<(), TransportError> {
+        let (planned, due) = (&self.plan.participants[participant], self.published[stream]);
+        let activation = index.checked_sub(self.initial_samples[stream]);
+        let granted =
+            activation.is_none_or(|k| k < planned.activations && planned.sample_time.instant(k) < self.granted);
         if index == due && granted {
             return Ok(());
         }
         let name = self.name(stream);
         Err(TransportError(if index != due {
             format!("recorded stream `{name}`: sample {index} came where sample {due} was due")
-        } else if let Some(k) = activation.filter(|&k| k < own.activations) {
+        } else if let Some(k) = activation.filter(|&k| k < planned.activations) {
             format!(
                 "recorded sample #{index} of `{name}`, which its activation at t = {} s gives; it is granted no time after t = {} s",
-                self.plan.timebase.seconds(own.sample_time.instant(k)),
+                self.plan.timebase.seconds(planned.sample_time.instant(k)),
                 self.plan.timebase.seconds(self.granted)
             )
         } else {
@@ -347,7 +360,7 @@ impl Recorder {
     }
 
     /// Records the faults that begin or end by now.
-    fn tell_of_faults(&mut self) -> Result<(), TransportError> {
+    fn record_due_faults(&mut self) -> Result<(), TransportError> {
         while self.faults.front().is_some_and(|(when, _)| *when <= self.newest) {
             let Some((_, event)) = self.faults.pop_front() else {
                 break;
@@ -374,7 +387,7 @@ impl Recorder {
 
     /// Records an event.
     pub fn event(&mut self, event: &Event) -> Result<(), AppendError> {
-        self.told += usize::from(event.kind != EventKind::Fault);
+        self.event_count += usize::from(event.kind != EventKind::Fault);
         self.store.event(event)
     }
 
@@ -397,11 +410,13 @@ impl Recorder {
     }
 
     /// Another program provides the outputs of participant number `participant` from now on.
-    pub fn renew(&mut self, participant: usize) {
-        let own = self.owners.iter().map(|owner| *owner == participant);
-        let own: Vec<bool> = own.collect();
-        let watches = self.watches.iter_mut();
-        watches.filter(|watch| own[watch.stream]).for_each(Watch::renew);
+    pub fn producer_replaced(&mut self, participant: usize) {
+        let is_owned = self.owners.iter().map(|owner| *owner == participant);
+        let is_owned: Vec<bool> = is_owned.collect();
+        let guards = self.guards.iter_mut();
+        guards
+            .filter(|guard| is_owned[guard.stream])
+            .for_each(SampleGuard::reset);
         // Violations by the predecessor while it was shut down need no further report.
         self.violation = self.violation.take().filter(|(offender, _)| *offender != participant);
         self.offenders.retain(|offender| *offender != participant);
@@ -414,7 +429,7 @@ impl Recorder {
 
     /// How many samples of stream number `stream` have come.
     pub fn count(&self, stream: usize) -> u64 {
-        self.came[stream]
+        self.recorded[stream]
     }
 
     /// The figures of the samples so far.

@@ -5,7 +5,7 @@ use lockstep::transport::Header;
 use tape::{AppendError, Digest, DigestSink, Event, EventKind, MemoryTape, Sink, Source, StreamSpec, Writer};
 
 use crate::run::outcome::RunFailure;
-use crate::run::saved::history::Played;
+use crate::run::saved::history::History;
 
 /// What a run keeps of its samples.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -23,7 +23,7 @@ pub enum Record {
 
 impl Record {
     /// Whether samples are needed for what is kept.
-    pub(crate) fn looks(self) -> bool {
+    pub(crate) fn needs_samples(self) -> bool {
         self != Record::Nothing
     }
 }
@@ -81,7 +81,7 @@ impl Store {
     /// The events so far, without those of declared faults, which follow from the samples.
     pub(crate) fn events(&mut self, plan: &Plan) -> Result<Vec<Event>, RunFailure> {
         let mut events = match self {
-            Store::Disk(writer) => Played::open(writer.dir(), plan, true)?.events()?,
+            Store::Disk(writer) => History::open(writer.dir(), plan, true)?.events()?,
             Store::Memory { events, .. } => events.clone(),
             Store::Digest(_) | Store::Nothing => Vec::new(),
         };
@@ -90,10 +90,10 @@ impl Store {
     }
 
     /// The tape on disk, if there is one; a `partial` one does not have all samples.
-    pub(crate) fn tape(&mut self, plan: &Plan, partial: bool) -> Result<Option<Played>, RunFailure> {
+    pub(crate) fn tape(&mut self, plan: &Plan, partial: bool) -> Result<Option<History>, RunFailure> {
         self.flush()?;
         match self {
-            Store::Disk(writer) => Played::open(writer.dir(), plan, partial).map(Some),
+            Store::Disk(writer) => History::open(writer.dir(), plan, partial).map(Some),
             _ => Ok(None),
         }
     }
@@ -124,22 +124,24 @@ impl Store {
         }
     }
 
-    /// Takes out the stored samples, which [`Store::give_back`] returns.
-    pub(crate) fn take_kept(&mut self, plan: &Plan, partial: bool) -> Result<Kept, RunFailure> {
+    /// Takes out the stored samples, which [`Store::return_samples`] returns.
+    pub(crate) fn take_samples(&mut self, plan: &Plan, partial: bool) -> Result<StoredSamples, RunFailure> {
         match self {
-            Store::Disk(_) => Ok(self.tape(plan, partial)?.map_or(Kept::Nothing, Kept::Disk)),
+            Store::Disk(_) => Ok(self
+                .tape(plan, partial)?
+                .map_or(StoredSamples::Nothing, StoredSamples::Disk)),
             Store::Memory { tape, .. } => {
                 let tape = std::mem::take(tape);
-                Ok(Kept::Memory(Played::of(tape, plan, "memory", partial)?))
+                Ok(StoredSamples::Memory(History::of(tape, plan, "memory", partial)?))
             }
             Store::Digest(_) | Store::Nothing => Err(no_samples()),
         }
     }
 
     /// Returns the samples that were taken out.
-    pub(crate) fn give_back(&mut self, kept: Kept) {
-        if let (Store::Memory { tape, .. }, Kept::Memory(played)) = (self, kept) {
-            *tape = played.into_source();
+    pub(crate) fn return_samples(&mut self, stored: StoredSamples) {
+        if let (Store::Memory { tape, .. }, StoredSamples::Memory(history)) = (self, stored) {
+            *tape = history.into_source();
         }
     }
 
@@ -155,33 +157,33 @@ impl Store {
 }
 
 /// Samples that are read back.
-pub(crate) enum Kept {
-    Disk(Played),
-    Memory(Played<MemoryTape>),
+pub(crate) enum StoredSamples {
+    Disk(History),
+    Memory(History<MemoryTape>),
     Nothing,
 }
 
-impl Kept {
+impl StoredSamples {
     /// Passes the first `counts` samples of each stream to `take`, in the order of simulated time.
-    pub(crate) fn each_of(
+    pub(crate) fn for_each_sample(
         &self,
         plan: &Plan,
         counts: &[u64],
         take: impl FnMut(usize, u32, Header, &[u8]) -> Result<(), RunFailure>,
     ) -> Result<(), RunFailure> {
         match self {
-            Kept::Disk(played) => played.each_of(plan, counts, take),
-            Kept::Memory(played) => played.each_of(plan, counts, take),
-            Kept::Nothing => Err(no_samples()),
+            StoredSamples::Disk(history) => history.for_each_sample(plan, counts, take),
+            StoredSamples::Memory(history) => history.for_each_sample(plan, counts, take),
+            StoredSamples::Nothing => Err(no_samples()),
         }
     }
 
     /// The payload of one sample, if it was stored.
     pub(crate) fn payload(&self, stream: u32, index: u64) -> Result<Option<Vec<u8>>, RunFailure> {
         match self {
-            Kept::Disk(played) => Ok(played.payload(stream, index)?),
-            Kept::Memory(played) => Ok(played.payload(stream, index)?),
-            Kept::Nothing => Err(no_samples()),
+            StoredSamples::Disk(history) => Ok(history.payload(stream, index)?),
+            StoredSamples::Memory(history) => Ok(history.payload(stream, index)?),
+            StoredSamples::Nothing => Err(no_samples()),
         }
     }
 }

@@ -52,7 +52,7 @@ pub fn branch(scenario: &Scenario, options: &Options, origin: Origin, to: Ration
         ..options.clone()
     };
     let mut run = Run::begin(std::sync::Arc::new(scenario.clone()), options, false)?;
-    run.go(Some(run.run_state.plan.timebase.ceil(to).map_err(other)?));
+    run.run_until(Some(run.run_state.plan.timebase.ceil(to).map_err(other)?));
     let checkpoint = run.run_state.last_checkpoint.take().filter(|_| run.over.is_none());
     let outcome = run.conclude();
     match (checkpoint, outcome.ending) {

@@ -14,12 +14,12 @@ use lockstep::wire::{self, WireError};
 use serde::{Deserialize, Serialize};
 use tape::Digest;
 
-use super::beyond_tape::Rest;
+use super::off_tape::OffTapeState;
 use crate::scenario::Entry;
 
 const MAGIC: &[u8] = b"escapement checkpoint 1\n";
 /// The format that also has the samples missing on the tape.
-const MAGIC_REST: &[u8] = b"escapement checkpoint 2\n";
+const MAGIC_OFF_TAPE: &[u8] = b"escapement checkpoint 2\n";
 const DIGEST: usize = 32;
 
 /// The message for a participant that must save its state and has no `save`, with the remedy.
@@ -33,9 +33,9 @@ pub(crate) fn save_failed(reason: &str) -> String {
 }
 
 /// The extension of a checkpoint's file.
-const ENDING: &str = ".checkpoint";
+const EXTENSION: &str = ".checkpoint";
 
-/// The state of a run at rest.
+/// The state of a paused run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// The program that saved it.
@@ -54,7 +54,7 @@ pub struct Checkpoint {
     pub replaced: Vec<bool>,
     /// What the tape does not have, if it does not have every sample.
     #[serde(skip)]
-    pub rest: Option<Rest>,
+    pub rest: Option<OffTapeState>,
 }
 
 /// Why a checkpoint cannot be written or read.
@@ -115,7 +115,7 @@ impl Checkpoint {
         Checkpoint {
             version: env!("CARGO_PKG_VERSION").into(),
             time,
-            participants: plan.participants.iter().map(|own| own.name.clone()).collect(),
+            participants: plan.participants.iter().map(|planned| planned.name.clone()).collect(),
             cut,
             states,
             substitutions: substituted as u64,
@@ -132,7 +132,7 @@ impl Checkpoint {
         let time = self.time;
         let (magic, body) = match &self.rest {
             None => (MAGIC, wire::encode("a checkpoint", self)),
-            Some(rest) => (MAGIC_REST, wire::encode("a checkpoint", &(self, rest))),
+            Some(rest) => (MAGIC_OFF_TAPE, wire::encode("a checkpoint", &(self, rest))),
         };
         let body = body.map_err(|error| {
             let source = Box::new(error);
@@ -150,7 +150,7 @@ impl Checkpoint {
     /// [`CheckpointError::Foreign`] and [`CheckpointError::Damaged`].
     pub fn decode(path: &Path, bytes: &[u8]) -> Result<Checkpoint, CheckpointError> {
         let path = path.to_owned();
-        let (plain, more) = (bytes.strip_prefix(MAGIC), bytes.strip_prefix(MAGIC_REST));
+        let (plain, more) = (bytes.strip_prefix(MAGIC), bytes.strip_prefix(MAGIC_OFF_TAPE));
         let Some(rest) = plain.or(more) else {
             return Err(CheckpointError::Foreign { path });
         };
@@ -166,10 +166,12 @@ impl Checkpoint {
         }
         let decoded = match more {
             None => wire::decode("a checkpoint", body),
-            Some(_) => wire::decode::<(Checkpoint, Rest)>("a checkpoint", body).map(|(checkpoint, rest)| Checkpoint {
-                rest: Some(rest),
-                ..checkpoint
-            }),
+            Some(_) => {
+                wire::decode::<(Checkpoint, OffTapeState)>("a checkpoint", body).map(|(checkpoint, rest)| Checkpoint {
+                    rest: Some(rest),
+                    ..checkpoint
+                })
+            }
         };
         let checkpoint: Checkpoint = decoded.map_err(|error| damaged(error.to_string()))?;
         let count = checkpoint.participants.len();
@@ -194,7 +196,7 @@ impl Checkpoint {
         };
         fs::create_dir_all(folder).map_err(io(folder))?;
         let name = self.time.to_string().replace(' ', "").replace('/', "-");
-        let path = folder.join(format!("{name}{ENDING}"));
+        let path = folder.join(format!("{name}{EXTENSION}"));
         tape::write_atomic(&path, self.encode()?).map_err(io(&path))?;
         Ok(path)
     }
@@ -207,7 +209,7 @@ impl Checkpoint {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         let paths = entries.map(|entry| entry.path());
         let mut all = Vec::new();
-        for path in paths.filter(|path| path.to_string_lossy().ends_with(ENDING)) {
+        for path in paths.filter(|path| path.to_string_lossy().ends_with(EXTENSION)) {
             let bytes = tape::read_regular(&path).map_err(|source| CheckpointError::Io {
                 path: path.clone(),
                 source,
@@ -216,20 +218,20 @@ impl Checkpoint {
         }
         all.sort();
         // The time of a damaged file is unknown.
-        let (mut good, mut bad) = (Vec::new(), Vec::new());
+        let (mut readable, mut unreadable) = (Vec::new(), Vec::new());
         for (path, bytes) in &all {
             match Checkpoint::decode(path, bytes) {
-                Ok(checkpoint) => good.push(checkpoint),
-                Err(error) => bad.push(error),
+                Ok(checkpoint) => readable.push(checkpoint),
+                Err(error) => unreadable.push(error),
             }
         }
-        good.sort_by_key(|checkpoint| checkpoint.time);
-        let times: Vec<String> = good.iter().map(|one| one.time.to_string()).collect();
+        readable.sort_by_key(|checkpoint| checkpoint.time);
+        let times: Vec<String> = readable.iter().map(|one| one.time.to_string()).collect();
         let fits = |one: &Checkpoint| limit.is_none_or(|limit| one.time <= limit);
-        match (good.into_iter().rev().find(fits), bad.pop()) {
+        match (readable.into_iter().rev().find(fits), unreadable.pop()) {
             (Some(checkpoint), last) => {
-                bad.extend(last);
-                Ok((checkpoint, bad))
+                unreadable.extend(last);
+                Ok((checkpoint, unreadable))
             }
             (None, Some(last)) => Err(last),
             (None, None) => Err(CheckpointError::None {
@@ -263,12 +265,12 @@ mod tests {
         }
     }
 
-    fn with_rest() -> Checkpoint {
+    fn with_off_tape_state() -> Checkpoint {
         let sample = InFlightSample {
             index: 7,
             payload: vec![5, 6],
         };
-        let rest = Rest {
+        let rest = OffTapeState {
             counts: vec![2, 9],
             samples: vec![vec![sample], Vec::new()],
             assessment: Some(vec![1]),
@@ -281,15 +283,15 @@ mod tests {
     }
 
     #[test]
-    fn it_comes_back_as_it_went() {
-        for checkpoint in [checkpoint(), with_rest()] {
+    fn checkpoint_decodes_to_what_was_encoded() {
+        for checkpoint in [checkpoint(), with_off_tape_state()] {
             let bytes = checkpoint.encode().unwrap();
             assert_eq!(Checkpoint::decode(Path::new("x"), &bytes).unwrap(), checkpoint);
         }
     }
 
     #[test]
-    fn files_that_cannot_be_read_are_returned_with_the_newest_checkpoint() {
+    fn find_returns_newest_checkpoint_and_unreadable_files() {
         let folder = std::env::temp_dir().join(format!("escapement-checkpoints-{}", std::process::id()));
         let _ = fs::remove_dir_all(&folder);
         let of = |millis: i64| Checkpoint {
@@ -300,16 +302,16 @@ mod tests {
         let middle = of(2_000).write(&folder).unwrap();
         of(1_000).write(&folder).unwrap();
         let found = |limit: Option<i64>| Checkpoint::find(&folder, limit.map(Rational::from_millis));
-        let (checkpoint, bad) = found(None).unwrap();
-        assert_eq!((checkpoint, bad.len()), (of(3_000), 0));
+        let (checkpoint, unreadable) = found(None).unwrap();
+        assert_eq!((checkpoint, unreadable.len()), (of(3_000), 0));
         fs::write(&newest, "nothing of the kind").unwrap();
         fs::write(&middle, &of(2_000).encode().unwrap()[..60]).unwrap();
-        let (checkpoint, bad) = found(None).unwrap();
+        let (checkpoint, unreadable) = found(None).unwrap();
         assert_eq!(checkpoint, of(1_000));
-        let told: Vec<String> = bad.iter().map(ToString::to_string).collect();
+        let messages: Vec<String> = unreadable.iter().map(ToString::to_string).collect();
         let parts = [(&middle, "damaged"), (&newest, "not a checkpoint")];
-        assert_eq!(told.len(), parts.len());
-        for (words, (path, part)) in told.iter().zip(parts) {
+        assert_eq!(messages.len(), parts.len());
+        for (words, (path, part)) in messages.iter().zip(parts) {
             let path = path.display().to_string();
             assert!(words.contains(&path) && words.contains(part), "{words}");
         }
@@ -319,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_in_place_of_a_checkpoint_is_named() {
+    fn folder_in_place_of_checkpoint_is_reported_with_path() {
         let folder = std::env::temp_dir().join(format!("escapement-no-checkpoint-{}", std::process::id()));
         let _ = fs::remove_dir_all(&folder);
         let path = checkpoint().write(&folder).unwrap();
@@ -332,8 +334,8 @@ mod tests {
     }
 
     #[test]
-    fn every_changed_byte_and_every_cut_is_noticed() {
-        let all = [checkpoint(), with_rest()].map(|checkpoint| checkpoint.encode().unwrap());
+    fn decoder_detects_every_changed_byte_and_truncation() {
+        let all = [checkpoint(), with_off_tape_state()].map(|checkpoint| checkpoint.encode().unwrap());
         for (bytes, at) in all.iter().flat_map(|bytes| (0..bytes.len()).map(move |at| (bytes, at))) {
             let mut changed = bytes.clone();
             changed[at] ^= 1;

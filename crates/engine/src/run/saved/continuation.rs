@@ -9,17 +9,17 @@ use crate::run::outcome::RunFailure;
 use crate::scenario::{Scenario, ScenarioError};
 
 /// The position of a scenario at an instant.
-struct Stand {
+struct ScenarioPosition {
     /// How many activations each participant has done before it.
     done: Vec<u64>,
     /// How many substitutions have taken place before it. One at the instant itself comes after it.
     substituted: u64,
     /// Whether the instant is before the end.
-    goes_on: bool,
+    before_end: bool,
 }
 
-impl Stand {
-    fn of(scenario: &Scenario, time: Rational) -> Result<Stand, TickError> {
+impl ScenarioPosition {
+    fn of(scenario: &Scenario, time: Rational) -> Result<ScenarioPosition, TickError> {
         let entries = &scenario.participants;
         let timebase = timebase(scenario)?;
         let (at, end) = (timebase.ceil(time)?, timebase.ceil(scenario.duration)?);
@@ -31,12 +31,12 @@ impl Stand {
             Ok(sample_time.count_before(at.min(end)))
         });
         let substitutions = scenario.substitutions.iter().map(|one| timebase.ceil(one.at));
-        Ok(Stand {
+        Ok(ScenarioPosition {
             done: done.collect::<Result<_, _>>()?,
             substituted: substitutions
                 .filter(|one| one.as_ref().is_ok_and(|one| *one < at))
                 .count() as u64,
-            goes_on: at < end,
+            before_end: at < end,
         })
     }
 }
@@ -47,8 +47,8 @@ pub(super) fn timebase(scenario: &Scenario) -> Result<Timebase, TickError> {
     Timebase::from_times(entries.flat_map(|entry| [entry.period, entry.offset]))
 }
 
-fn stand(scenario: &Scenario, time: Rational) -> Result<Stand, RunFailure> {
-    Stand::of(scenario, time).map_err(|error| RunFailure::Other(error.to_string()))
+fn position(scenario: &Scenario, time: Rational) -> Result<ScenarioPosition, RunFailure> {
+    ScenarioPosition::of(scenario, time).map_err(|error| RunFailure::Other(error.to_string()))
 }
 
 /// Checks that `scenario` can continue from `checkpoint`.
@@ -65,8 +65,8 @@ pub(crate) fn check(scenario: &Scenario, checkpoint: &Checkpoint) -> Result<(), 
         );
         return Err(scenario.key_refusal("participants", &reason).into());
     }
-    let (time, stand) = (checkpoint.time, stand(scenario, checkpoint.time)?);
-    if !stand.goes_on {
+    let (time, position) = (checkpoint.time, position(scenario, checkpoint.time)?);
+    if !position.before_end {
         let reason = format!(
             "the run ends at {}, and would be taken up at t = {time}: make it longer with --duration, or name an earlier checkpoint with \
              --from",
@@ -74,11 +74,11 @@ pub(crate) fn check(scenario: &Scenario, checkpoint: &Checkpoint) -> Result<(), 
         );
         return Err(scenario.key_refusal("duration", &reason).into());
     }
-    same_sample_times(scenario, time, &stand.done, &checkpoint.cut.next)?;
-    if stand.substituted != checkpoint.substitutions {
+    check_same_sample_times(scenario, time, &position.done, &checkpoint.cut.next)?;
+    if position.substituted != checkpoint.substitutions {
         let reason = format!(
             "{} substitutions had happened at t = {time}, and here {} are before then: leave in the scenario what has happened",
-            checkpoint.substitutions, stand.substituted
+            checkpoint.substitutions, position.substituted
         );
         return Err(scenario.key_refusal("faults", &reason).into());
     }
@@ -90,22 +90,27 @@ pub(crate) fn check(scenario: &Scenario, checkpoint: &Checkpoint) -> Result<(), 
 /// # Errors
 /// The keys that prevent it. An instant after the end is reported by [`crate::run::branch`].
 pub fn check_branch(scenario: &Scenario, unchanged: &Scenario, at: Rational) -> Result<(), RunFailure> {
-    let (own, before) = (stand(scenario, at)?, stand(unchanged, at)?);
-    if !own.goes_on || own.done.len() != before.done.len() {
+    let (changed, before) = (position(scenario, at)?, position(unchanged, at)?);
+    if !changed.before_end || changed.done.len() != before.done.len() {
         return Ok(());
     }
-    Ok(same_sample_times(scenario, at, &own.done, &before.done)?)
+    Ok(check_same_sample_times(scenario, at, &changed.done, &before.done)?)
 }
 
 /// Refuses participants that have done a different number of activations than in the run.
-fn same_sample_times(scenario: &Scenario, time: Rational, own: &[u64], run: &[u64]) -> Result<(), ScenarioError> {
-    let differ = (own.iter().zip(run).enumerate()).filter(|(_, (own, run))| own != run);
+fn check_same_sample_times(
+    scenario: &Scenario,
+    time: Rational,
+    done: &[u64],
+    done_in_run: &[u64],
+) -> Result<(), ScenarioError> {
+    let differ = (done.iter().zip(done_in_run).enumerate()).filter(|(_, (done, done_in_run))| done != done_in_run);
     let wrong: Vec<(usize, String)> = differ
-        .map(|(number, (own, run))| {
+        .map(|(number, (done, done_in_run))| {
             let entry = &scenario.participants[number];
             let reason = format!(
-                "with a period of {} and an offset of {}, `{}` has done {own} activations before t = {time}, and {run} in the run that was \
-                 saved: a resumed run keeps its sample times, so leave them unchanged",
+                "with a period of {} and an offset of {}, `{}` has done {done} activations before t = {time}, and {done_in_run} in the run \
+                 that was saved: a resumed run keeps its sample times, so leave them unchanged",
                 entry.period, entry.offset, entry.setup.name
             );
             (number, reason)

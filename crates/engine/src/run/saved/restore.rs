@@ -9,28 +9,28 @@ use lockstep::plan::{Cut, InFlightSample, Plan, Position};
 use lockstep::transport::Header;
 use tape::{Event, EventKind};
 
-use super::beyond_tape::{Recent, Rest};
 use super::checkpoint::Checkpoint;
-use super::history::Played;
+use super::history::History;
+use super::off_tape::{OffTapeState, SampleBuffer};
 use crate::assessment::Assessment;
 use crate::run::outcome::RunFailure;
 use crate::run::recording::faults;
-use crate::run::recording::guard::Watch;
-use crate::run::recording::newest::Newest;
+use crate::run::recording::guard::SampleGuard;
+use crate::run::recording::newest::NewestSamples;
 use crate::run::recording::recorder::Recorder;
 use crate::run::recording::store::no_samples;
 use crate::run::recording::streams::streams;
 
 /// Reads a sample back, by the number of its stream and its index.
-type Read<'a> = dyn Fn(u32, u64) -> Result<Vec<u8>, RunFailure> + 'a;
+type SampleReader<'a> = dyn Fn(u32, u64) -> Result<Vec<u8>, RunFailure> + 'a;
 
 /// A run to continue from.
-pub(crate) struct Before<'a> {
-    pub(crate) played: &'a Played,
+pub(crate) struct OriginRun<'a> {
+    pub(crate) history: &'a History,
     pub(crate) checkpoint: &'a Checkpoint,
 }
 
-impl Before<'_> {
+impl OriginRun<'_> {
     /// Where all participants continue, each with the state that it has.
     pub(crate) fn positions(&self, plan: &Plan) -> Result<Vec<Position>, RunFailure> {
         positions(plan, &self.checkpoint.cut, &|stream, index| {
@@ -39,22 +39,24 @@ impl Before<'_> {
     }
 
     fn read(&self, plan: &Plan, stream: u32, index: u64) -> Result<Vec<u8>, RunFailure> {
-        if let Some(payload) = self.played.payload(stream, index)? {
+        if let Some(payload) = self.history.payload(stream, index)? {
             return Ok(payload);
         }
         let rest = self.checkpoint.rest.as_ref();
         let payload = rest.and_then(|rest| rest.payload(stream as usize, index));
-        payload.map(<[u8]>::to_vec).ok_or_else(|| nowhere(plan, stream, index))
+        payload
+            .map(<[u8]>::to_vec)
+            .ok_or_else(|| missing_sample_failure(plan, stream, index))
     }
 }
 
-fn positions(plan: &Plan, cut: &Cut, read: &Read<'_>) -> Result<Vec<Position>, RunFailure> {
+fn positions(plan: &Plan, cut: &Cut, read: &SampleReader<'_>) -> Result<Vec<Position>, RunFailure> {
     let numbers = 0..plan.participants.len();
     numbers.map(|number| plan.position(cut, number, read)).collect()
 }
 
 /// The failure that a sample is needed and found nowhere.
-fn nowhere(plan: &Plan, stream: u32, index: u64) -> RunFailure {
+fn missing_sample_failure(plan: &Plan, stream: u32, index: u64) -> RunFailure {
     let name = streams(plan)[stream as usize].name();
     RunFailure::Other(format!(
         "the run cannot be resumed: it needs sample #{index} of `{name}`, which is neither on the tape nor in the checkpoint: [record] \
@@ -64,21 +66,21 @@ fn nowhere(plan: &Plan, stream: u32, index: u64) -> RunFailure {
 
 impl Recorder {
     /// From now on, buffers the samples that the tape does not have, as long as they may be needed.
-    pub(crate) fn keep_recent(&mut self) {
-        if !self.lanes.is_whole() && self.store.has_samples() {
+    pub(crate) fn enable_sample_buffer(&mut self) {
+        if !self.tape_mapping.is_whole() && self.store.has_samples() {
             let all = streams(&self.plan).into_iter().enumerate();
             let size = |(stream, spec): (usize, tape::StreamSpec)| {
-                (!self.lanes.kept(stream).is_whole()).then_some(spec.descriptor.size as usize)
+                (!self.tape_mapping.kept(stream).is_whole()).then_some(spec.descriptor.size as usize)
             };
-            self.recent = Some(Recent::new(all.map(size)));
+            self.sample_buffer = Some(SampleBuffer::new(all.map(size)));
         }
     }
 
     /// A stream that an assessment without `save` reads and of which the tape leaves samples out.
-    pub(crate) fn unsaved(&self) -> Option<String> {
+    pub(crate) fn stream_without_save(&self) -> Option<String> {
         let assessment = self.assessment.as_ref()?;
         let mut all = 0..self.owners.len();
-        let stream = all.find(|stream| !self.lanes.kept(*stream).is_whole() && assessment.reads(*stream))?;
+        let stream = all.find(|stream| !self.tape_mapping.kept(*stream).is_whole() && assessment.reads(*stream))?;
         assessment.save().is_none().then(|| self.name(stream))
     }
 
@@ -87,7 +89,7 @@ impl Recorder {
         if !self.store.has_samples() {
             return Err(no_samples());
         }
-        match self.unsaved() {
+        match self.stream_without_save() {
             None => Ok(()),
             Some(stream) => Err(RunFailure::Other(format!(
                 "the run cannot be saved: its assessment has no `save`, and uses `{stream}`, of which [record] leaves samples out; keep it"
@@ -96,47 +98,49 @@ impl Recorder {
     }
 
     /// Calls `work` with a function that reads samples back: from the tape if it has them, else from the buffer.
-    fn reading<R>(
+    fn with_sample_reader<R>(
         &mut self,
-        work: impl FnOnce(&Recorder, &Read<'_>) -> Result<R, RunFailure>,
+        work: impl FnOnce(&Recorder, &SampleReader<'_>) -> Result<R, RunFailure>,
     ) -> Result<R, RunFailure> {
         let plan = self.plan.clone();
-        let kept = self.store.take_kept(&plan, !self.lanes.is_whole())?;
+        let kept = self.store.take_samples(&plan, !self.tape_mapping.is_whole())?;
         let this = &*self;
         let done = work(this, &|stream, index| {
             if let Some(payload) = kept.payload(stream, index)? {
                 return Ok(payload);
             }
             let payload = this
-                .recent
+                .sample_buffer
                 .as_ref()
-                .and_then(|recent| recent.get(stream as usize, index));
-            payload.map(<[u8]>::to_vec).ok_or_else(|| nowhere(&plan, stream, index))
+                .and_then(|sample_buffer| sample_buffer.get(stream as usize, index));
+            payload
+                .map(<[u8]>::to_vec)
+                .ok_or_else(|| missing_sample_failure(&plan, stream, index))
         });
-        self.store.give_back(kept);
+        self.store.return_samples(kept);
         done
     }
 
     /// Where all participants continue at `cut`, each with the state that it has.
     pub fn positions(&mut self, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
-        self.reading(|this, read| positions(&this.plan, cut, read))
+        self.with_sample_reader(|this, read| positions(&this.plan, cut, read))
     }
 
     /// For each stream the samples that are needed at `cut` and that the tape does not have.
-    fn needed(&self, cut: &Cut, read: &Read<'_>) -> Result<Vec<Vec<InFlightSample>>, RunFailure> {
+    fn needed(&self, cut: &Cut, read: &SampleReader<'_>) -> Result<Vec<Vec<InFlightSample>>, RunFailure> {
         let needed = std::cell::RefCell::new(vec![BTreeMap::new(); self.owners.len()]);
-        let noting = |stream: u32, index: u64| {
+        let read_and_note = |stream: u32, index: u64| {
             let payload = read(stream, index)?;
-            if !self.lanes.has(stream as usize, index) {
+            if !self.tape_mapping.has(stream as usize, index) {
                 needed.borrow_mut()[stream as usize].insert(index, payload.clone());
             }
             Ok(payload)
         };
-        positions(&self.plan, cut, &noting)?;
+        positions(&self.plan, cut, &read_and_note)?;
         // A program that drives the run may ask for the newest sample of any stream.
         for (stream, samples) in self.samples_before(cut).into_iter().enumerate() {
             if let Some(newest) = samples.checked_sub(1) {
-                noting(stream as u32, newest)?;
+                read_and_note(stream as u32, newest)?;
             }
         }
         let one = |samples: BTreeMap<u64, Vec<u8>>| {
@@ -148,43 +152,43 @@ impl Recorder {
 
     /// The samples needed at `cut`, which all participants have reached or passed; drops all buffered samples that are no longer
     /// needed.
-    fn forget_before(&mut self, cut: &Cut) -> Result<Vec<Vec<InFlightSample>>, RunFailure> {
-        let samples = self.reading(|this, read| this.needed(cut, read))?;
+    fn drop_before(&mut self, cut: &Cut) -> Result<Vec<Vec<InFlightSample>>, RunFailure> {
+        let samples = self.with_sample_reader(|this, read| this.needed(cut, read))?;
         let before = self.samples_before(cut);
-        if let Some(recent) = &mut self.recent {
-            recent.keep(&before, &samples);
+        if let Some(sample_buffer) = &mut self.sample_buffer {
+            sample_buffer.keep(&before, &samples);
         }
         Ok(samples)
     }
 
     /// Drops the samples that are no longer needed, if enough are buffered to make this worthwhile. Each participant has reached
     /// activation `next` or a later one.
-    pub(crate) fn forget(&mut self, next: impl Fn(&Recorder, usize) -> u64) -> Result<(), RunFailure> {
-        if self.recent.as_ref().is_some_and(Recent::is_crowded) {
+    pub(crate) fn drop_unneeded(&mut self, next: impl Fn(&Recorder, usize) -> u64) -> Result<(), RunFailure> {
+        if self.sample_buffer.as_ref().is_some_and(SampleBuffer::needs_cleanup) {
             let next = (0..self.plan.participants.len())
                 .map(|number| next(self, number))
                 .collect();
-            self.forget_before(&Cut { next })?;
+            self.drop_before(&Cut { next })?;
         }
         Ok(())
     }
 
     /// What a checkpoint at `cut` needs besides the states; `None` where the tape has every sample.
-    pub(crate) fn rest(&mut self, cut: &Cut) -> Result<Option<Rest>, RunFailure> {
-        if self.recent.is_none() {
+    pub(crate) fn off_tape_state(&mut self, cut: &Cut) -> Result<Option<OffTapeState>, RunFailure> {
+        if self.sample_buffer.is_none() {
             return Ok(None);
         }
-        Ok(Some(Rest {
-            samples: self.forget_before(cut)?,
-            counts: self.lanes.of_first(&self.samples_before(cut)),
+        Ok(Some(OffTapeState {
+            samples: self.drop_before(cut)?,
+            counts: self.tape_mapping.of_first(&self.samples_before(cut)),
             assessment: self.assessment.as_ref().and_then(|assessment| assessment.save()),
-            guards: self.watches.iter().map(Watch::saved).collect(),
+            guards: self.guards.iter().map(SampleGuard::saved).collect(),
         }))
     }
 
     /// Records what another run had recorded before its checkpoint.
-    pub(crate) fn copy(&mut self, before: &Before<'_>) -> Result<(), RunFailure> {
-        let Before { played, checkpoint } = before;
+    pub(crate) fn copy_origin(&mut self, origin: &OriginRun<'_>) -> Result<(), RunFailure> {
+        let OriginRun { history, checkpoint } = origin;
         let (plan, samples) = (self.plan.clone(), self.samples_before(&checkpoint.cut));
         let rest = checkpoint.rest.as_ref();
         let counts = rest.map_or(&samples, |rest| &rest.counts);
@@ -192,36 +196,36 @@ impl Recorder {
             let reason = "the run cannot be resumed: the checkpoint is one of other streams";
             return Err(RunFailure::Other(reason.into()));
         }
-        let lacks: Vec<bool> = counts.iter().zip(&samples).map(|(there, all)| there < all).collect();
-        let mut put = vec![0; samples.len()];
-        played.each_of(&plan, counts, |participant, stream, header, payload| {
+        let incomplete: Vec<bool> = counts.iter().zip(&samples).map(|(kept, all)| kept < all).collect();
+        let mut kept_counts = vec![0; samples.len()];
+        history.for_each_sample(&plan, counts, |participant, stream, header, payload| {
             let (stream, stamp_s) = (stream as usize, plan.timebase.seconds(header.stamp));
-            if self.lanes.has(stream, header.index) {
-                self.check_next(stream, put[stream], header.index)?;
-                put[stream] += 1;
+            if self.tape_mapping.has(stream, header.index) {
+                self.check_next(stream, kept_counts[stream], header.index)?;
+                kept_counts[stream] += 1;
             }
-            self.lanes
+            self.tape_mapping
                 .put(&mut self.store, stream, header.index, stamp_s, payload)?;
-            self.regard_again(participant, stream, header, payload, &lacks)
+            self.reevaluate(participant, stream, header, payload, &incomplete)
         })?;
-        for (stream, put) in put.into_iter().enumerate() {
-            self.check_next(stream, put, samples[stream])?;
+        for (stream, count) in kept_counts.into_iter().enumerate() {
+            self.check_next(stream, count, samples[stream])?;
         }
-        if self.recent.is_some() {
-            let needed = self.needed(&checkpoint.cut, &|stream, index| before.read(&plan, stream, index))?;
-            self.remember(&needed);
+        if self.sample_buffer.is_some() {
+            let needed = self.needed(&checkpoint.cut, &|stream, index| origin.read(&plan, stream, index))?;
+            self.set_buffer(&needed);
         }
-        (self.came, self.reached) = (samples.clone(), samples);
-        self.come_to(rest, &lacks)?;
+        (self.recorded, self.published) = (samples.clone(), samples);
+        self.restore_evaluators(rest, &incomplete)?;
         // Faults are reported again with the samples that reach their times. What takes place at the instant of the checkpoint
         // takes place again.
         let time = checkpoint.time;
-        let told = |event: &&Event| match event.kind {
+        let is_copied = |event: &&Event| match event.kind {
             EventKind::Fault => false,
             EventKind::Substitution => event.time < time,
             _ => event.time <= time,
         };
-        for event in played.events()?.iter().filter(told) {
+        for event in history.events()?.iter().filter(is_copied) {
             self.event(event)?;
         }
         Ok(())
@@ -229,7 +233,7 @@ impl Recorder {
 
     /// Checks that `put` is the number of samples that the tape gets of the first `index` samples of a stream.
     fn check_next(&self, stream: usize, put: u64, index: u64) -> Result<(), RunFailure> {
-        if put == self.lanes.kept(stream).of_first(index) {
+        if put == self.tape_mapping.kept(stream).of_first(index) {
             return Ok(());
         }
         Err(RunFailure::Other(format!(
@@ -240,106 +244,106 @@ impl Recorder {
     }
 
     /// Prepares for going back: samples that are on the tape will come again, and must be the same.
-    pub fn expect_again(&mut self) -> Result<(), RunFailure> {
-        self.again = self.store.tape(&self.plan, !self.lanes.is_whole())?;
+    pub fn expect_repetition(&mut self) -> Result<(), RunFailure> {
+        self.previous = self.store.tape(&self.plan, !self.tape_mapping.is_whole())?;
         Ok(())
     }
 
     /// Sets the buffer to `needed`: the samples after these come next.
-    pub(crate) fn remember(&mut self, needed: &[Vec<InFlightSample>]) {
-        if let Some(recent) = &mut self.recent {
-            recent.go_back(needed);
+    pub(crate) fn set_buffer(&mut self, needed: &[Vec<InFlightSample>]) {
+        if let Some(sample_buffer) = &mut self.sample_buffer {
+            sample_buffer.reset(needed);
         }
     }
 
     /// Goes back to `checkpoint` for a different continuation: all samples after it are discarded, and so are all events that do
-    /// not follow from the samples, except the first `told` of them. `assessment` and `watches` are new.
+    /// not follow from the samples, except the first `event_count` of them. `assessment` and `guards` are new.
     pub(crate) fn cut_back(
         &mut self,
         checkpoint: &Checkpoint,
-        told: usize,
+        event_count: usize,
         assessment: Option<Box<dyn Assessment>>,
-        watches: Vec<Watch>,
+        guards: Vec<SampleGuard>,
     ) -> Result<(), RunFailure> {
         let plan = self.plan.clone();
         let mut events = self.store.events(&plan)?;
-        events.truncate(told);
+        events.truncate(event_count);
         let samples = self.samples_before(&checkpoint.cut);
-        self.store.cut_back(&self.lanes.on_tape(&samples))?;
-        (self.assessment, self.watches, self.violation, self.again) = (assessment, watches, None, None);
-        (self.faults, self.newest, self.told) = (faults::events(&plan), i64::MIN, 0);
-        self.latest.iter_mut().for_each(Newest::forget);
-        let counts = self.lanes.of_first(&samples);
-        let lacks: Vec<bool> = counts.iter().zip(&samples).map(|(there, all)| there < all).collect();
+        self.store.cut_back(&self.tape_mapping.on_tape(&samples))?;
+        (self.assessment, self.guards, self.violation, self.previous) = (assessment, guards, None, None);
+        (self.faults, self.newest, self.event_count) = (faults::events(&plan), i64::MIN, 0);
+        self.latest.iter_mut().for_each(NewestSamples::clear);
+        let counts = self.tape_mapping.of_first(&samples);
+        let incomplete: Vec<bool> = counts.iter().zip(&samples).map(|(kept, all)| kept < all).collect();
         if let Some(rest) = &checkpoint.rest {
-            self.remember(&rest.samples);
+            self.set_buffer(&rest.samples);
         }
         // The figures, guards and faults are restored from the samples that were kept and from their saved state.
-        let kept = self.store.take_kept(&plan, !self.lanes.is_whole())?;
-        let regarded = kept.each_of(&plan, &counts, |participant, stream, header, payload| {
-            self.regard_again(participant, stream as usize, header, payload, &lacks)
+        let kept = self.store.take_samples(&plan, !self.tape_mapping.is_whole())?;
+        let evaluated = kept.for_each_sample(&plan, &counts, |participant, stream, header, payload| {
+            self.reevaluate(participant, stream as usize, header, payload, &incomplete)
         });
-        self.store.give_back(kept);
-        regarded?;
-        self.stand_at(&checkpoint.cut);
-        self.came.clone_from(&self.reached);
-        self.come_to(checkpoint.rest.as_ref(), &lacks)?;
+        self.store.return_samples(kept);
+        evaluated?;
+        self.continue_at(&checkpoint.cut);
+        self.recorded.clone_from(&self.published);
+        self.restore_evaluators(checkpoint.rest.as_ref(), &incomplete)?;
         self.violation = None;
         events.iter().try_for_each(|event| self.event(event))?;
         Ok(())
     }
 
-    /// Evaluates a sample of the tape as when it was recorded, unless its stream `lacks` other samples.
-    fn regard_again(
+    /// Evaluates a sample of the tape as when it was recorded, unless its stream is `incomplete`.
+    fn reevaluate(
         &mut self,
         participant: usize,
         stream: usize,
         header: Header,
         payload: &[u8],
-        lacks: &[bool],
+        incomplete: &[bool],
     ) -> Result<(), RunFailure> {
-        if lacks[stream] {
+        if incomplete[stream] {
             return Ok(());
         }
         let stamp_s = self.plan.timebase.seconds(header.stamp);
-        let regarded = self.regard(participant, stream, header, stamp_s, payload);
-        regarded.map_err(|broken| match self.error.take() {
+        let evaluated = self.evaluate(participant, stream, header, stamp_s, payload);
+        evaluated.map_err(|broken| match self.error.take() {
             Some(error) => error.into(),
             None => RunFailure::Other(format!("the tape to go on from: {broken}")),
         })
     }
 
     /// Restores what evaluates streams with missing samples to the state after all of their samples.
-    fn come_to(&mut self, rest: Option<&Rest>, lacks: &[bool]) -> Result<(), RunFailure> {
-        let Some(rest) = rest.filter(|_| lacks.contains(&true)) else {
+    fn restore_evaluators(&mut self, rest: Option<&OffTapeState>, incomplete: &[bool]) -> Result<(), RunFailure> {
+        let Some(rest) = rest.filter(|_| incomplete.contains(&true)) else {
             return Ok(());
         };
         let cannot = |what: &str| RunFailure::Other(format!("the run cannot be resumed: {what}"));
-        let lacking = (0..lacks.len()).filter(|stream| lacks[*stream]);
+        let incomplete_streams = (0..incomplete.len()).filter(|stream| incomplete[*stream]);
         if let Some(assessment) = &mut self.assessment
-            && lacking.clone().any(|stream| assessment.reads(stream))
+            && incomplete_streams.clone().any(|stream| assessment.reads(stream))
         {
             let saved = rest.assessment.as_deref().unwrap_or_default();
-            let restored = assessment.restore(saved, lacks);
+            let restored = assessment.restore(saved, incomplete);
             restored.map_err(|reason| cannot(&reason))?;
         }
-        for watch in self.watches.iter_mut().filter(|watch| lacks[watch.stream]) {
-            if !watch.restore(&rest.guards) {
+        for guard in self.guards.iter_mut().filter(|guard| incomplete[guard.stream]) {
+            if !guard.restore(&rest.guards) {
                 let what = format!(
                     "{} is new or was changed, and uses a stream of which [record] leaves samples out",
-                    watch.words()
+                    guard.words()
                 );
                 return Err(cannot(&what));
             }
         }
         let mut newest = Vec::new();
-        for stream in lacking.filter(|stream| self.reached[*stream] > 0) {
-            let (own, index) = (&self.plan.participants[self.owners[stream]], self.reached[stream] - 1);
-            let stamp = own.sample_time.instant(index);
+        for stream in incomplete_streams.filter(|stream| self.published[*stream] > 0) {
+            let (planned, index) = (&self.plan.participants[self.owners[stream]], self.published[stream] - 1);
+            let stamp = planned.sample_time.instant(index);
             newest.push((stream, Header { index, stamp }));
         }
         if self.latest.is_some() {
-            let payloads = self.reading(|_, read| {
+            let payloads = self.with_sample_reader(|_, read| {
                 let all = newest.iter().map(|(stream, header)| read(*stream as u32, header.index));
                 all.collect::<Result<Vec<_>, _>>()
             })?;

@@ -1,4 +1,4 @@
-//! Actions while all participants rest: checkpoints, substitutions, pauses.
+//! Actions while all participants are paused: checkpoints, substitutions, pauses.
 
 use lockstep::plan::Cut;
 use lockstep::time::{Rational, Ticks};
@@ -12,9 +12,9 @@ use crate::run::saved::checkpoint::Checkpoint;
 use crate::run::state::RunState;
 use crate::scenario::State;
 
-/// Performs what the schedule has for `now`, at which all participants rest. Returns `Some` when the run is over. An error is a
-/// failure that the run may survive; the action that was not performed is then still on the schedule.
-pub(crate) fn attend(
+/// Performs what the schedule has for `now`, at which all participants are paused. Returns `Some` when the run is over. An error is a
+/// failure from which the run may recover; the action that was not performed is then still on the schedule.
+pub(crate) fn perform_actions(
     executor: &mut dyn Executor,
     run_state: &mut RunState,
     now: Ticks,
@@ -34,20 +34,20 @@ pub(crate) fn attend(
         };
         let failed_participants = done.map_err(|failure| {
             run_state.clock.put_back(now, action);
-            run_state.over(failure)
+            run_state.ending_of(failure)
         })?;
-        executor.renew_patience();
-        fell(executor, run_state, failed_participants)?;
-        if !executor.rests_at(now) {
-            // The participants were moved and have to reach this rest again.
+        executor.restart_timeout();
+        report_failures(executor, run_state, failed_participants)?;
+        if !executor.has_reached(now) {
+            // The participants were moved and have to reach this stop again.
             break;
         }
     }
     Ok(None)
 }
 
-/// Reports the failure of `failed_participants`, without which the run was resumed, as an ending that the run may survive.
-pub(crate) fn fell(
+/// Reports the failure of `failed_participants`, without which the run was resumed, as an ending from which the run may recover.
+pub(crate) fn report_failures(
     executor: &mut dyn Executor,
     run_state: &RunState,
     failed_participants: Vec<FailedParticipant>,
@@ -59,12 +59,12 @@ pub(crate) fn fell(
         participant: run_state.name(first.number).to_owned(),
         reason: first.reason.clone(),
     };
-    executor.note_failures(failed_participants);
+    executor.register_failures(failed_participants);
     Err(ending)
 }
 
-/// The state of the run, with all participants at rest at `cut`.
-pub(crate) fn saved<E: Executor + ?Sized>(
+/// The state of the run, with all participants paused at `cut`.
+pub(crate) fn collect_checkpoint<E: Executor + ?Sized>(
     executor: &mut E,
     run_state: &RunState,
     time: Rational,
@@ -72,7 +72,7 @@ pub(crate) fn saved<E: Executor + ?Sized>(
 ) -> Result<Checkpoint, RunFailure> {
     let states = (0..run_state.entries.len()).map(|number| executor.save(run_state, number));
     let states = states.collect::<Result<_, _>>()?;
-    let rest = run_state.recorder().rest(&cut)?;
+    let rest = run_state.recorder().off_tape_state(&cut)?;
     let checkpoint = Checkpoint::new(
         &run_state.plan,
         time,
@@ -86,16 +86,16 @@ pub(crate) fn saved<E: Executor + ?Sized>(
 
 /// Saves the state at `time`, where all participants have just continued at `cut`, so that a restart need not go back further.
 /// Returns the participant that failed meanwhile, if one did.
-pub(crate) fn keep_for_restarts<E: Executor + ?Sized>(
+pub(crate) fn save_for_restarts<E: Executor + ?Sized>(
     executor: &mut E,
     run_state: &mut RunState,
     time: Rational,
     cut: Cut,
 ) -> Result<Option<FailedParticipant>, RunFailure> {
-    if !executor.outlives_failures() || !run_state.scenario.restarts() {
+    if !executor.isolates_failures() || !run_state.scenario.restarts() {
         return Ok(None);
     }
-    match saved(executor, run_state, time, cut) {
+    match collect_checkpoint(executor, run_state, time, cut) {
         Ok(checkpoint) => {
             run_state.last_checkpoint = Some(checkpoint);
             Ok(None)
@@ -106,11 +106,11 @@ pub(crate) fn keep_for_restarts<E: Executor + ?Sized>(
 
 fn checkpoint(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks, file: bool) -> Result<(), RunFailure> {
     // Where participants cannot fail individually, none is restarted.
-    if !file && !executor.outlives_failures() {
+    if !file && !executor.isolates_failures() {
         return Ok(());
     }
     let cut = run_state.recorder().cut_at(now);
-    let checkpoint = saved(executor, run_state, run_state.time(now), cut)?;
+    let checkpoint = collect_checkpoint(executor, run_state, run_state.time(now), cut)?;
     if let (true, Some(folder)) = (file, &run_state.folder) {
         // The tape first: a checkpoint is of no use without the samples before it.
         run_state.recorder().flush()?;
@@ -146,22 +146,22 @@ fn substitute(
     run_state.substituted = number + 1;
     {
         let mut recorder = run_state.recorder();
-        recorder.renew(slot);
+        recorder.producer_replaced(slot);
         recorder.event(&event)?;
     }
     if failed_participants.is_empty() {
-        failed_participants.extend(keep_for_restarts(executor, run_state, run_state.time(now), cut)?);
+        failed_participants.extend(save_for_restarts(executor, run_state, run_state.time(now), cut)?);
     }
     Ok(failed_participants)
 }
 
 /// Waits for the user; returns whether the run continues.
 fn pause(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks) -> Result<bool, RunFailure> {
-    // Readers of the tape now see everything before the rest.
+    // Readers of the tape now see everything before the pause.
     run_state.recorder().flush()?;
-    let steering = run_state.clock.hold(now);
+    let steering = run_state.clock.begin_pause(now);
     let (processes, options) = (executor.processes(), &run_state.options);
-    let go_on = prepare::pause(
+    let continues = prepare::wait_while_paused(
         &run_state.plan,
         now,
         &processes,
@@ -170,6 +170,6 @@ fn pause(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks) -> R
         steering.as_deref(),
         || executor.failure(run_state),
     );
-    run_state.clock.go_on();
-    go_on
+    run_state.clock.resume();
+    continues
 }

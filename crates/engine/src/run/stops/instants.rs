@@ -6,7 +6,7 @@ use super::schedule::CHECKPOINTS_MAX;
 use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
 
-/// Refuses instants at which a run of `duration`, which ends at tick `end`, does not come to rest, before anything is
+/// Refuses instants at which a run of `duration`, which ends at tick `end`, does not pause, before anything is
 /// started.
 pub(crate) fn check(duration: Rational, end: Ticks, timebase: &Timebase, options: &Options) -> Result<(), RunFailure> {
     let refuse = |option: &'static str, time: Rational, reason: String| {
@@ -54,7 +54,7 @@ pub(crate) fn check(duration: Rational, end: Ticks, timebase: &Timebase, options
     Ok(())
 }
 
-/// Refuses `--from` at an instant at which a run of `duration` does not come to rest before its end at tick `end`.
+/// Refuses `--from` at an instant at which a run of `duration` does not pause before its end at tick `end`.
 pub(crate) fn check_from(
     from: Rational,
     duration: Rational,
@@ -71,7 +71,7 @@ pub(crate) fn check_from(
     }
 }
 
-/// The end of a run of `duration` in words, if the run does not come to rest at `time` before it. A run comes to rest at a whole tick:
+/// The end of a run of `duration` in words, if the run does not pause at `time` before it. A run pauses at a whole tick:
 /// at the first one at or after an instant.
 fn not_before_end(time: Rational, duration: Rational, end: Ticks, timebase: &Timebase) -> Option<String> {
     if time >= duration {

@@ -1,4 +1,4 @@
-//! Stops of a run: when all participants rest, and what is done then.
+//! Stops of a run: when all participants are paused, and what is done then.
 
 pub(super) mod actions;
 pub(super) mod instants;

@@ -1,4 +1,4 @@
-//! The stop schedule: where a run comes to rest before its end, and for what.
+//! The stop schedule: where a run pauses before its end, and for what.
 
 use std::collections::VecDeque;
 
@@ -9,7 +9,7 @@ use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
 use crate::scenario::Scenario;
 
-/// The action at a rest. At one instant actions take place in this order.
+/// The action at a stop. At one instant actions take place in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Action {
     /// The state of the run is saved, in memory for a restart or in a file.
@@ -23,47 +23,47 @@ pub(crate) enum Action {
 /// The most checkpoints of a run.
 pub(crate) const CHECKPOINTS_MAX: usize = 10_000;
 
-/// The rests to come, in order.
+/// The stops to come, in order.
 #[derive(Debug, Default)]
 pub(crate) struct Schedule(VecDeque<(Ticks, Action)>);
 
 impl Schedule {
-    /// All rests that `scenario` and `options` ask for from `from` on. `done` substitutions have taken place.
+    /// All stops that `scenario` and `options` ask for from `from` on. `substituted` substitutions have taken place.
     pub(crate) fn new(
         scenario: &Scenario,
         plan: &Plan,
         options: &Options,
         from: Ticks,
-        done: usize,
+        substituted: usize,
     ) -> Result<Schedule, RunFailure> {
         let instant = |time: Rational| {
             let ticks = plan.timebase.ceil(time);
             ticks.map_err(|error| RunFailure::Other(error.to_string()))
         };
-        let mut rests: Vec<(Ticks, Action)> = Vec::new();
+        let mut stops: Vec<(Ticks, Action)> = Vec::new();
         for &time in &options.pause_at {
-            rests.push((instant(time)?, Action::Pause));
+            stops.push((instant(time)?, Action::Pause));
         }
-        let mut saves = Vec::new();
+        let mut checkpoints = Vec::new();
         for &time in &options.checkpoint_at {
-            saves.push((instant(time)?, Action::Checkpoint { file: true }));
+            checkpoints.push((instant(time)?, Action::Checkpoint { file: true }));
         }
         if let Some(every) = options.checkpoint_every {
             let mut time = every;
             while time < scenario.duration {
-                saves.push((instant(time)?, Action::Checkpoint { file: true }));
+                checkpoints.push((instant(time)?, Action::Checkpoint { file: true }));
                 time = time
                     .checked_add(every)
                     .ok_or_else(|| RunFailure::Other(format!("{every} is too fine for a checkpoint")))?;
             }
         }
-        rests.append(&mut saves);
-        for (number, substitution) in scenario.substitutions.iter().enumerate().skip(done) {
+        stops.append(&mut checkpoints);
+        for (number, substitution) in scenario.substitutions.iter().enumerate().skip(substituted) {
             let at = instant(substitution.at)?;
-            rests.push((at, Action::Substitute(number)));
+            stops.push((at, Action::Substitute(number)));
         }
         // What was done before the checkpoint was saved that this run continues from is not done again.
-        rests.retain(|&(at, action)| {
+        stops.retain(|&(at, action)| {
             let early = match action {
                 Action::Checkpoint { .. } => from > 0 && at <= from,
                 Action::Substitute(_) | Action::Pause => at < from,
@@ -71,17 +71,17 @@ impl Schedule {
             !early && at < plan.end
         });
         if scenario.restarts() {
-            rests.push((from, Action::Checkpoint { file: false }));
+            stops.push((from, Action::Checkpoint { file: false }));
         }
-        rests.sort_unstable();
-        rests.dedup();
-        Ok(Schedule(rests.into()))
+        stops.sort_unstable();
+        stops.dedup();
+        Ok(Schedule(stops.into()))
     }
 
-    /// The run goes back: the substitutions of `scenario` from number `done` on are still to come.
-    pub(crate) fn rewind(&mut self, scenario: &Scenario, plan: &Plan, done: usize) {
+    /// The run goes back: the substitutions of `scenario` from number `substituted` on are still to come.
+    pub(crate) fn rewind(&mut self, scenario: &Scenario, plan: &Plan, substituted: usize) {
         self.0.retain(|(_, action)| !matches!(action, Action::Substitute(_)));
-        for (number, substitution) in scenario.substitutions.iter().enumerate().skip(done) {
+        for (number, substitution) in scenario.substitutions.iter().enumerate().skip(substituted) {
             match plan.timebase.ceil(substitution.at) {
                 Ok(at) if at < plan.end => self.0.push_back((at, Action::Substitute(number))),
                 _ => {}
@@ -92,11 +92,11 @@ impl Schedule {
 
     /// Only pauses.
     #[cfg(test)]
-    pub(crate) fn of_pauses(rests: Vec<Ticks>) -> Schedule {
-        Schedule(rests.into_iter().map(|at| (at, Action::Pause)).collect())
+    pub(crate) fn of_pauses(stops: Vec<Ticks>) -> Schedule {
+        Schedule(stops.into_iter().map(|at| (at, Action::Pause)).collect())
     }
 
-    /// The next rest.
+    /// The next stop.
     pub(crate) fn next(&self) -> Option<Ticks> {
         self.0.front().map(|&(at, _)| at)
     }

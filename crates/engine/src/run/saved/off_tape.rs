@@ -7,7 +7,7 @@ use crate::run::recording::guard;
 
 /// What a checkpoint holds besides the states when `[record]` leaves samples out of the tape.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Rest {
+pub struct OffTapeState {
     /// How many samples of each stream the tape has.
     pub counts: Vec<u64>,
     /// For each stream, the samples that are still needed and are not on the tape, oldest first. Their stamps follow from their
@@ -16,10 +16,10 @@ pub struct Rest {
     /// The state of the assessment and the measures.
     pub assessment: Option<Vec<u8>>,
     /// The state of each guard.
-    pub guards: Vec<guard::Saved>,
+    pub guards: Vec<guard::SavedGuard>,
 }
 
-impl Rest {
+impl OffTapeState {
     /// The payload of a sample, if this holds it.
     pub(crate) fn payload(&self, stream: usize, index: u64) -> Option<&[u8]> {
         find(self.samples.get(stream)?, index)
@@ -27,12 +27,12 @@ impl Rest {
 }
 
 /// Below this many bytes of samples, the samples that are no longer needed are not looked for.
-const CROWDED_BYTES: usize = 1 << 20;
+const CLEANUP_BYTES: usize = 1 << 20;
 
 /// The newest samples of the streams of which the tape leaves samples out, and the older ones that are still needed.
-pub(crate) struct Recent {
+pub(crate) struct SampleBuffer {
     /// For each stream; `None` where the tape has every sample.
-    tracks: Vec<Option<Track>>,
+    tracks: Vec<Option<BufferedStream>>,
     /// How many bytes of newest samples there are.
     bytes: usize,
     /// Above this many bytes the samples that are no longer needed are dropped.
@@ -40,7 +40,7 @@ pub(crate) struct Recent {
 }
 
 /// Samples of one stream.
-struct Track {
+struct BufferedStream {
     size: usize,
     /// The samples before `first` that are still needed.
     old: Vec<InFlightSample>,
@@ -50,20 +50,20 @@ struct Track {
     newest: Vec<u8>,
 }
 
-impl Recent {
+impl SampleBuffer {
     /// For streams with payloads of these sizes; `None` for a stream that is not buffered.
-    pub(crate) fn new(sizes: impl Iterator<Item = Option<usize>>) -> Recent {
-        let track = |size| Track {
+    pub(crate) fn new(sizes: impl Iterator<Item = Option<usize>>) -> SampleBuffer {
+        let track = |size| BufferedStream {
             size,
             old: Vec::new(),
             first: 0,
             count: 0,
             newest: Vec::new(),
         };
-        Recent {
+        SampleBuffer {
             tracks: sizes.map(|size| size.map(track)).collect(),
             bytes: 0,
-            limit: CROWDED_BYTES,
+            limit: CLEANUP_BYTES,
         }
     }
 
@@ -91,7 +91,7 @@ impl Recent {
     }
 
     /// Whether it is time to drop the samples that are no longer needed.
-    pub(crate) fn is_crowded(&self) -> bool {
+    pub(crate) fn needs_cleanup(&self) -> bool {
         self.bytes > self.limit
     }
 
@@ -107,11 +107,11 @@ impl Recent {
             self.bytes += track.newest.len();
         }
         // While participants are far behind others, most of the samples stay needed for a while.
-        self.limit = CROWDED_BYTES.max(2 * self.bytes);
+        self.limit = CLEANUP_BYTES.max(2 * self.bytes);
     }
 
     /// Goes back: the next samples are those after `needed`.
-    pub(crate) fn go_back(&mut self, needed: &[Vec<InFlightSample>]) {
+    pub(crate) fn reset(&mut self, needed: &[Vec<InFlightSample>]) {
         self.bytes = 0;
         for (track, needed) in self.tracks.iter_mut().zip(needed) {
             if let Some(track) = track {
@@ -133,8 +133,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_needed_outlives_what_is_new() {
-        let mut recent = Recent::new([Some(2), None].into_iter());
+    fn sample_buffer_keeps_needed_samples_after_cleanup() {
+        let mut recent = SampleBuffer::new([Some(2), None].into_iter());
         for index in 3..10_u8 {
             recent.put(0, index.into(), &[index, 1]);
             recent.put(1, index.into(), &[index]);
@@ -152,12 +152,12 @@ mod tests {
         let there: Vec<u64> = (0..12).filter(|index| recent.get(0, *index).is_some()).collect();
         assert_eq!(there, [3, 6, 7, 8, 9]);
         assert_eq!(recent.get(0, 8), Some(&[8, 1][..]));
-        recent.go_back(&[vec![sample(3)], Vec::new()]);
+        recent.reset(&[vec![sample(3)], Vec::new()]);
         recent.put(0, 5, &[5, 1]);
         let there: Vec<u64> = (0..12).filter(|index| recent.get(0, *index).is_some()).collect();
         assert_eq!(there, [3, 5]);
-        assert!(!recent.is_crowded());
+        assert!(!recent.needs_cleanup());
         (0..1 << 19).for_each(|index| recent.put(0, 6 + index, &[0, 1]));
-        assert!(recent.is_crowded());
+        assert!(recent.needs_cleanup());
     }
 }

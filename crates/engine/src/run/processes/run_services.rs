@@ -1,4 +1,4 @@
-//! One place in shared memory, with all objects that the orchestrator holds in it. A run moves to a fresh place whenever it is
+//! The services of a run in one domain of shared memory. A run moves to a new domain whenever it is
 //! resumed or relocated, so that no object of a dead process can be opened by mistake.
 
 use lockstep::plan::Plan;
@@ -9,16 +9,16 @@ use super::resources;
 use super::sigbus;
 use crate::run::outcome::RunFailure;
 
-/// A place in shared memory. Its services are dropped before the domain.
-pub(crate) struct Place {
+/// The services of a run in one domain of shared memory; they are dropped before the domain.
+pub(crate) struct RunServices {
     pub(crate) clock: ClockWriter,
     _links: Vec<LinkService>,
     domain: Domain,
 }
 
-impl Place {
+impl RunServices {
     /// Enters `address` and creates what participants need in order to enter too.
-    pub(crate) fn enter<'a>(
+    pub(crate) fn enter_domain<'a>(
         address: Address,
         names: impl ExactSizeIterator<Item = &'a str>,
     ) -> Result<(Domain, Vec<Ports>), RunFailure> {
@@ -26,12 +26,12 @@ impl Place {
         let count = names.len();
         let ports = names.map(|name| Ports::create(&domain, name, count));
         let ports = ports.collect::<Result<_, _>>()?;
-        all_there()?;
+        check_pages()?;
         Ok((domain, ports))
     }
 
     /// Creates the links and the clock of `plan` in `domain`.
-    pub(crate) fn create_services(domain: Domain, plan: &Plan) -> Result<Place, RunFailure> {
+    pub(crate) fn create(domain: Domain, plan: &Plan) -> Result<RunServices, RunFailure> {
         let mut links = Vec::new();
         for (number, link) in plan.links.iter().enumerate() {
             let output = &plan.participants[link.from.0].interface.outputs[link.from.1];
@@ -39,24 +39,24 @@ impl Place {
             links.push(LinkService::create(&domain, number as u32, size, link.capacity)?);
         }
         let clock = ClockWriter::create(&domain, plan.participants.len())?;
-        all_there()?;
-        Ok(Place {
+        check_pages()?;
+        Ok(RunServices {
             clock,
             _links: links,
             domain,
         })
     }
 
-    /// The address of this place.
+    /// The address of the domain.
     pub(crate) fn address(&self) -> &Address {
         self.domain.address()
     }
 }
 
 /// Checks that no page of shared memory was missing when it was touched.
-pub(crate) fn all_there() -> Result<(), RunFailure> {
-    if sigbus::missed() {
-        Err(resources::full())
+pub(crate) fn check_pages() -> Result<(), RunFailure> {
+    if sigbus::take_missed_page() {
+        Err(resources::memory_full())
     } else {
         Ok(())
     }

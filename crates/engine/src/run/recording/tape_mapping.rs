@@ -6,7 +6,7 @@ use super::kept::Kept;
 use super::store::Store;
 
 /// Which samples of each stream are kept, and where they go.
-pub(crate) struct Lanes {
+pub(crate) struct TapeMapping {
     /// For each stream of the run: which samples are kept, and its number on the tape.
     all: Vec<(Kept, usize)>,
     /// Whether all samples are kept.
@@ -15,9 +15,9 @@ pub(crate) struct Lanes {
     left_out: Vec<(String, usize)>,
 }
 
-impl Lanes {
+impl TapeMapping {
     /// The mapping for `streams`, of which `kept` is kept, and the streams of the tape.
-    pub(crate) fn new(kept: &[Kept], streams: &[StreamSpec]) -> (Lanes, Vec<StreamSpec>) {
+    pub(crate) fn new(kept: &[Kept], streams: &[StreamSpec]) -> (TapeMapping, Vec<StreamSpec>) {
         let (mut all, mut specs) = (Vec::new(), Vec::new());
         for (kept, spec) in kept.iter().zip(streams) {
             match kept.spec(spec) {
@@ -36,7 +36,7 @@ impl Lanes {
                 .map(|spec| (spec.name(), spec.descriptor.size as usize))
                 .collect(),
         };
-        (Lanes { all, whole, left_out }, specs)
+        (TapeMapping { all, whole, left_out }, specs)
     }
 
     /// Whether all samples are kept.
@@ -55,7 +55,7 @@ impl Lanes {
         payload: &[u8],
     ) -> Result<(), AppendError> {
         match self.place(stream, index) {
-            Some((lane, index)) => store.append(lane, index, stamp_s, payload),
+            Some((stream_on_tape, index)) => store.append(stream_on_tape, index, stamp_s, payload),
             // The tape does not check samples that it does not get, so their size is checked here.
             None => match &self.left_out[stream] {
                 (_, expected) if *expected == payload.len() => Ok(()),
@@ -85,7 +85,7 @@ impl Lanes {
         all.map(|((kept, _), samples)| kept.of_first(*samples)).collect()
     }
 
-    /// As [`Lanes::of_first`], but by stream of the tape.
+    /// As [`TapeMapping::of_first`], but by stream of the tape.
     pub(crate) fn on_tape(&self, samples: &[u64]) -> Vec<u64> {
         let all = self.all.iter().zip(self.of_first(samples));
         all.filter_map(|((kept, _), count)| (!kept.is_nothing()).then_some(count))
@@ -99,8 +99,8 @@ impl Lanes {
         if self.whole {
             return Some((stream, index));
         }
-        let (kept, lane) = self.all.get(stream)?;
-        Some((*lane, kept.number(index)?))
+        let (kept, stream_on_tape) = self.all.get(stream)?;
+        Some((*stream_on_tape, kept.number(index)?))
     }
 }
 
@@ -135,20 +135,20 @@ mod tests {
     }
 
     #[test]
-    fn kept_samples_have_the_instants_that_they_had() {
+    fn tape_mapping_preserves_instants_of_kept_samples() {
         let streams = [stream("x"), stream("y"), stream("z")];
         let kept = [Kept::NOTHING, Kept::part(4, 2, 5), Kept::WHOLE];
-        let (lanes, specs) = Lanes::new(&kept, &streams);
-        assert!(!lanes.is_whole());
+        let (mapping, specs) = TapeMapping::new(&kept, &streams);
+        assert!(!mapping.is_whole());
         let names: Vec<String> = specs.iter().map(StreamSpec::name).collect();
         assert_eq!(names, ["a.y", "a.z"]);
         assert_eq!((specs[0].period, specs[0].first_index), (Rational::from_millis(40), 2));
-        assert_eq!(lanes.place(0, 8), None);
+        assert_eq!(mapping.place(0, 8), None);
         let places: Vec<_> = (0..40)
-            .filter_map(|index| Some((index, lanes.place(1, index)?)))
+            .filter_map(|index| Some((index, mapping.place(1, index)?)))
             .collect();
         assert_eq!(places, [(8, (0, 2)), (12, (0, 3)), (16, (0, 4))]);
-        assert_eq!(lanes.place(2, 7), Some((1, 7)));
+        assert_eq!(mapping.place(2, 7), Some((1, 7)));
         let words: Vec<Option<String>> = kept.iter().zip(&streams).map(|(kept, spec)| kept.words(spec)).collect();
         assert_eq!(words[0].as_deref(), Some("nothing of `a.x`"));
         assert_eq!(words[1].as_deref(), Some("`a.y` every 40 ms from 85 ms to 165 ms"));
