@@ -185,7 +185,11 @@ fn fmu_that_cannot_be_saved_is_refused_with_fmu_remedy() {
             let arguments = [&["--checkpoint-at", "0.7 s"], more].concat();
             let output = run(&folder, &file, "run.ports.inputs = []", &arguments);
             assert_eq!(output.code, Some(1), "{output:?}");
-            for part in ["`it`: cannot save its state", "its `save` failed: fmi", "canSerializeFMU"] {
+            for part in [
+                "`it`: cannot save its state",
+                "its `save` failed: fmi",
+                "canSerializeFMU",
+            ] {
                 assert!(output.err.contains(part), "`{part}`: {output:?}");
             }
             assert!(!output.err.contains("implement"), "{output:?}");

@@ -162,7 +162,10 @@ fn signal_during_a_step_is_reported_and_the_second_ends_the_run() {
     let folder = Folder::new("hangs");
     let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&misuse("hangs"))));
     let out = folder.path().join("run");
-    ends_at_second_signal(&["run", text(&file), "--quiet", "--in-process", "--out", text(&out)], &out);
+    ends_at_second_signal(
+        &["run", text(&file), "--quiet", "--in-process", "--out", text(&out)],
+        &out,
+    );
 }
 
 #[test]

@@ -116,7 +116,9 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         start_within: args.common.start_within(),
         ..Options::default()
     };
-    let _watch = options.in_process.then(|| signals::StallWatch::start(&options.progress));
+    let _watch = options
+        .in_process
+        .then(|| signals::StallWatch::start(&options.progress));
     replay.run(&options)
 }
 

@@ -35,7 +35,9 @@ pub(super) fn checked_value(text: &str) -> Result<Value, String> {
 
 /// Whether `text` is a number in digits that no finite double represents; `inf` and `nan` are words of TOML.
 fn is_beyond_doubles(text: &str) -> bool {
-    let begins_as_number = text.trim_start_matches(['+', '-']).starts_with(|c: char| c.is_ascii_digit());
+    let begins_as_number = text
+        .trim_start_matches(['+', '-'])
+        .starts_with(|c: char| c.is_ascii_digit());
     begins_as_number && text.parse::<f64>().is_ok_and(f64::is_infinite)
 }
 
@@ -89,8 +91,14 @@ mod tests {
     #[test]
     fn types_have_the_words_of_toml() {
         for (serde, toml) in [
-            ("invalid type: integer `3`, expected a map", "invalid type: integer `3`, expected a table"),
-            ("invalid type: sequence, expected a map", "invalid type: list, expected a table"),
+            (
+                "invalid type: integer `3`, expected a map",
+                "invalid type: integer `3`, expected a table",
+            ),
+            (
+                "invalid type: sequence, expected a map",
+                "invalid type: list, expected a table",
+            ),
         ] {
             assert_eq!(in_words_of_toml(serde), toml);
         }

@@ -46,7 +46,11 @@ impl Stepper {
         let is_following = self.step.index.wrapping_add(1) == self.next;
         self.step = Step {
             index: self.next,
-            t: if is_following { self.step.t_next } else { seconds(self.next) },
+            t: if is_following {
+                self.step.t_next
+            } else {
+                seconds(self.next)
+            },
             t_next: seconds(self.next + 1),
             period: self.step.period,
         };

@@ -72,8 +72,7 @@ impl PointBatch {
                     }
                 }
                 current.set(None);
-                let mut pending: Vec<PendingStep> =
-                    active.iter_mut().filter_map(|point| point.run.pending()).collect();
+                let mut pending: Vec<PendingStep> = active.iter_mut().filter_map(|point| point.run.pending()).collect();
                 stride.step(&mut pending);
                 if !over.is_empty() || active.is_empty() {
                     break;

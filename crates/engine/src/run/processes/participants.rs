@@ -216,8 +216,8 @@ impl ParticipantHandle {
 }
 
 /// A request under way, with what is monitored until the reply comes.
-struct PendingRequest<'a> {
-    asked: PendingRequest<'a>,
+struct MonitoredRequest<'a> {
+    request: PendingRequest<'a>,
     process: &'a mut ParticipantProcess,
     reply_timeout: Duration,
     timeout: Timeout,
@@ -225,15 +225,15 @@ struct PendingRequest<'a> {
     reply: Option<Reply>,
 }
 
-impl PendingRequest<'_> {
+impl MonitoredRequest<'_> {
     /// Polls for the reply; `other_failed` says that the monitor reports a failure.
     ///
     /// # Errors
     /// When no usable reply will come.
     fn poll(&mut self, monitor: &Monitor, other_failed: bool) -> Result<(), RunFailure> {
         if self.reply.is_none() {
-            let looked = self.asked.reply();
-            self.reply = looked.map_err(|broken| unusable_reply(self.process, self.when, &broken))?;
+            let polled = self.request.reply();
+            self.reply = polled.map_err(|broken| unusable_reply(self.process, self.when, &broken))?;
         }
         if self.reply.is_some() {
             return Ok(());
@@ -274,9 +274,9 @@ pub(crate) fn request_all<R: Borrow<Request>>(
         } = handle;
         ports.notifier.notify();
         let when = when(request.borrow());
-        let asked = ports.control.begin_request(request.borrow());
-        all.push(PendingRequest {
-            asked: asked.map_err(|broken| unusable_reply(process, when, &broken))?,
+        let begun = ports.control.begin_request(request.borrow());
+        all.push(MonitoredRequest {
+            request: begun.map_err(|broken| unusable_reply(process, when, &broken))?,
             process,
             reply_timeout: *reply_timeout,
             timeout: Timeout::new(*reply_timeout),

@@ -143,7 +143,11 @@ mod tests {
                     let denied = wait == Wait::Spin && core_count < count;
                     assert_eq!(placement.denied.is_some(), denied, "{count} on {core_count}, {name}");
                     if wait == Wait::Spin && !denied {
-                        assert_eq!(placement.waiting, vec![WaitStrategy::SPIN; count], "{count} on {core_count}");
+                        assert_eq!(
+                            placement.waiting,
+                            vec![WaitStrategy::SPIN; count],
+                            "{count} on {core_count}"
+                        );
                     }
                     let free = Placement::choose_among(&plan, &cores, wait, true);
                     assert_eq!((free.cores, free.waiting), (vec![None; count], placement.waiting));
