@@ -53,7 +53,7 @@ pub fn scenario(bytes: &[u8]) {
     match Scenario::read_text(catalogue(), &file, text) {
         Ok(scenario) => {
             let unknown = vec![None; scenario.participants.len()];
-            if let Err(error) = scenario.sketch(&unknown) {
+            if let Err(error) = scenario.assumed_plan(&unknown) {
                 assert!(!error.to_string().is_empty());
             }
         }

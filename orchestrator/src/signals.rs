@@ -34,7 +34,7 @@ pub fn interrupt() -> Interrupt {
 
 /// Records that a run has reported its time or its end.
 pub fn record_run_event() {
-    if REQUEST.get().is_some_and(Interrupt::asked) {
+    if REQUEST.get().is_some_and(Interrupt::is_requested) {
         REQUEST_NOTICED.store(true, Ordering::Relaxed);
     }
 }
@@ -52,8 +52,8 @@ impl StallWatch {
         std::thread::spawn(move || {
             let mut since = None;
             while !finished.load(Ordering::Relaxed) && !REQUEST_NOTICED.load(Ordering::Relaxed) {
-                if interrupt.asked() && since.get_or_insert_with(Instant::now).elapsed() >= STALL_NOTICE_AFTER {
-                    progress.say("waiting for a participant in its step; again to end at once");
+                if interrupt.is_requested() && since.get_or_insert_with(Instant::now).elapsed() >= STALL_NOTICE_AFTER {
+                    progress.notice("waiting for a participant in its step; again to end at once");
                     return;
                 }
                 std::thread::sleep(POLL_INTERVAL);

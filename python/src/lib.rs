@@ -42,7 +42,7 @@ fn version() -> String {
 /// Sets the path of the program `escapement`, which hosts participants in separate processes.
 #[pyfunction]
 fn program(path: PathBuf) {
-    engine::run::start_instead(path);
+    engine::run::set_own_program(path);
 }
 
 /// A number in [0, 1), determined by the run's seed, the stream's name and the index.

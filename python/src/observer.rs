@@ -54,7 +54,7 @@ impl Observer for EventForwarder {
         Python::attach(|py| {
             if let Err(error) = self.forward(py, event) {
                 error.write_unraisable(py, None);
-                self.interrupt.ask();
+                self.interrupt.request();
             }
         });
     }

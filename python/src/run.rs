@@ -31,12 +31,12 @@ impl Interrupt {
 
     /// Requests the end.
     fn ask(&self) {
-        self.0.ask();
+        self.0.request();
     }
 
     /// Whether the end was requested.
     fn asked(&self) -> bool {
-        self.0.asked()
+        self.0.is_requested()
     }
 }
 

@@ -35,7 +35,7 @@ pub enum Event<'a> {
     },
     /// A participant of a run in one process has logged a line, which is in its log too. The lines of an external program are only
     /// in its log.
-    Said {
+    LogLine {
         /// The participant's name.
         participant: &'a str,
         /// The line, with its name and the simulated time.
@@ -105,7 +105,7 @@ impl Progress {
     }
 
     /// Reports something that a user should see.
-    pub fn say(&self, text: &str) {
+    pub fn notice(&self, text: &str) {
         self.report(Event::Notice { text });
     }
 
@@ -121,12 +121,12 @@ pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
     /// Requests an orderly end of everything that holds a copy of this.
-    pub fn ask(&self) {
+    pub fn request(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
     /// Whether an end was requested.
-    pub fn asked(&self) -> bool {
+    pub fn is_requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 

@@ -150,7 +150,7 @@ impl Scope {
     }
 
     /// Moves on to a new domain for all participants, so that no object of a dead process can be found there.
-    pub fn move_on(&mut self) -> Result<(), ScopeError> {
+    pub fn next_domain(&mut self) -> Result<(), ScopeError> {
         if self.domain_number + 1 == DOMAINS_MAX {
             return Err(ScopeError::Exhausted);
         }

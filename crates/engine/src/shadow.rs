@@ -28,7 +28,7 @@ pub struct Shadow {
 
 /// The outputs of a shadow, compared with those in the run.
 #[derive(Debug, Serialize)]
-pub struct Account {
+pub struct ShadowReport {
     /// The participant that it shadowed.
     pub participant: String,
     /// The program, as it was given.
@@ -166,8 +166,8 @@ impl Shadow {
 
     /// Replays it on its participant's inputs in the run in `folder`. Its own run is kept in `shadow/NAME` there, or
     /// `shadow/NAME-2` if that is taken.
-    pub fn run(&self, catalogue: &Arc<Catalogue>, folder: &Path, options: &Options) -> Account {
-        let mut account = Account {
+    pub fn run(&self, catalogue: &Arc<Catalogue>, folder: &Path, options: &Options) -> ShadowReport {
+        let mut account = ShadowReport {
             participant: self.participant.clone(),
             program: self.program.clone(),
             refused: None,

@@ -28,7 +28,7 @@ impl Sink for Lines {
 
 impl Observer for Lines {
     fn event(&mut self, event: Event<'_>) {
-        if let Event::Said { line, .. } = event {
+        if let Event::LogLine { line, .. } = event {
             self.add(line.to_owned());
         }
     }

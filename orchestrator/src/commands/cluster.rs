@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use engine::campaign::{self, Campaign, CampaignError, Cluster, Engine, Number, Options, Step, Underway};
+use engine::campaign::{self, Campaign, CampaignError, Cluster, Engine, Number, Options, Step, SubmittedShards};
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
@@ -86,8 +86,8 @@ impl ClusterArgs {
 }
 
 /// Reports a submission to an engine.
-fn print_submission(engine: Engine, underway: &Underway, args: &CampaignArgs) -> Result<(), CampaignError> {
-    let Underway {
+fn print_submission(engine: Engine, underway: &SubmittedShards, args: &CampaignArgs) -> Result<(), CampaignError> {
+    let SubmittedShards {
         root,
         lines,
         jobs,

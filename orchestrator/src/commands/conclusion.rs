@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use engine::assessment::Criterion;
-use engine::campaign::{self, Campaign, CampaignError, Finished, Number, Outcome, Picture, PointResult, Rarely, Shard};
+use engine::campaign::{
+    self, Campaign, CampaignError, Finished, Number, Outcome, Picture, PointResult, RareEventResult, Shard,
+};
 
 use super::points::CampaignArgs;
 
@@ -61,8 +63,12 @@ pub fn figures(finished: &Finished) -> Vec<Number> {
 }
 
 /// The same for a rare-event campaign. Pictures and statistics are of its first level, which is a plain random sample.
-pub fn conclude_rare(ended: &Rarely, figure: Option<&Number>, args: &CampaignArgs) -> Result<i32, CampaignError> {
-    let Rarely { campaign, finished, .. } = ended;
+pub fn conclude_rare(
+    ended: &RareEventResult,
+    figure: Option<&Number>,
+    args: &CampaignArgs,
+) -> Result<i32, CampaignError> {
+    let RareEventResult { campaign, finished, .. } = ended;
     let identity = &finished.identity;
     let title = identity.heading();
     let first = campaign.first(ended.sample);
@@ -232,7 +238,7 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
     }
     if let [column] = &campaign.columns[..]
         && column.name != "seed"
-        && let Some(stretches) = campaign::stretches(column, &finished.results)
+        && let Some(stretches) = campaign::met_ranges(column, &finished.results)
     {
         let good = campaign::good_word(&finished.results);
         println!("  {good} at {}: {stretches}", column.name);

@@ -78,7 +78,7 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         digests: args.digest.includes_digests(&args.campaign),
     };
     known_figures(&campaign, 1).map_err(|error| match (&args.cases, error) {
-        (Some(list), CampaignError::Scenario(error)) => campaign::in_first_case(list, error).into(),
+        (Some(list), CampaignError::Scenario(error)) => campaign::locate_in_first_case(list, error).into(),
         (_, error) => error,
     })?;
     let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;

@@ -13,13 +13,13 @@ use tape::folder::RunFolder;
 use crate::arguments::{ExecutionArgs, ScenarioArgs};
 use crate::{signals, terminal};
 use engine::Progress;
-use engine::campaign::Recalled;
+use engine::campaign::StoredPoint;
 use engine::live::{self, Server, Steering};
 use engine::run::{
-    Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, Traced, factor, run as run_scenario,
+    Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, TraceSummary, factor, run as run_scenario,
 };
 use engine::scenario::{Changes, Scenario};
-use engine::shadow::{Account, Shadow};
+use engine::shadow::{Shadow, ShadowReport};
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -70,7 +70,7 @@ fn rerun_point(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
         eprintln!("error: {error}");
         Ok(2)
     };
-    let point = match Recalled::read(place) {
+    let point = match StoredPoint::read(place) {
         Ok(point) => point,
         Err(error) => return refused(&error),
     };
@@ -108,7 +108,7 @@ fn run_with_warnings(scenario: &Scenario, options: &Options, warned: bool) -> Re
         let warnings = catalogue().warnings(scenario);
         warnings
             .iter()
-            .for_each(|warning| progress.say(&format!("warning: {warning}")));
+            .for_each(|warning| progress.notice(&format!("warning: {warning}")));
     };
     let _watch = options
         .in_process
@@ -165,7 +165,7 @@ fn run_and_report(
     };
     let mut summary = outcome.summary();
     let root = outcome.folder.clone().unwrap_or_default();
-    let accounts: Vec<Account> = match &outcome.ending {
+    let accounts: Vec<ShadowReport> = match &outcome.ending {
         // If the user stops the run, the shadows are not run either.
         Ending::Stopped { .. } => Vec::new(),
         _ => shadows
@@ -251,7 +251,7 @@ fn finish_live_page(execution: &ExecutionArgs, server: &Server, outcome: &Outcom
     }
     let interrupt = signals::interrupt();
     eprintln!("live: the run is over; the page stays until Ctrl-C: {}", server.url());
-    while !interrupt.asked() {
+    while !interrupt.is_requested() {
         std::thread::sleep(Duration::from_millis(50));
     }
     Ok(())
@@ -306,7 +306,7 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
 }
 
 /// Reports the file of a trace.
-fn print_trace(traced: &Traced) {
+fn print_trace(traced: &TraceSummary) {
     let file = traced.path.display();
     let cut = match traced.missing {
         0 => String::new(),
@@ -356,7 +356,7 @@ pub fn print_ending(ending: &Ending) {
 }
 
 /// The result of a shadow as text.
-fn print_account(account: &Account, out: &mut impl Write) -> std::io::Result<()> {
+fn print_account(account: &ShadowReport, out: &mut impl Write) -> std::io::Result<()> {
     writeln!(
         out,
         "shadow of `{}`, {} (A is the run, B the shadow):",

@@ -206,7 +206,7 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
     let nowhere = if engine.is_some() || alone {
         0
     } else {
-        campaign::uncovered(&parts)
+        campaign::unassigned_points(&parts)
     };
     let complete = unseen.is_empty() && nowhere == 0 && parts.iter().all(|part| part.state == State::Complete);
     let all = whole || (shards && complete);

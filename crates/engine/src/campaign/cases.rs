@@ -121,7 +121,7 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
 
 /// `error`, which is of the scenario with the changes of the first case of the list `path`, at the place in the list that
 /// causes it; unchanged where the case is not the cause.
-pub fn in_first_case(path: &Path, error: ScenarioError) -> ScenarioError {
+pub fn locate_in_first_case(path: &Path, error: ScenarioError) -> ScenarioError {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     let list = toml::from_str::<CasesFile>(&text).ok();
     let Some(first) = list.as_ref().and_then(|list| list.case.first()) else {

@@ -334,7 +334,13 @@ impl CampaignFile {
 
     /// A mistake that affects all points that were tried, assigned to the dispersion that causes it.
     /// `scenario` is the one that all points change.
-    pub fn blame(&self, plan: &Plan, scenario: &Scenario, error: CampaignError, tried: usize) -> CampaignError {
+    pub fn attribute_mistake(
+        &self,
+        plan: &Plan,
+        scenario: &Scenario,
+        error: CampaignError,
+        tried: usize,
+    ) -> CampaignError {
         let Plan::Declared(declared) = plan else { return error };
         let all = format!("all of the first {tried} points are refused, the first with");
         let assigned: Option<Vec<Mistake>> = match &error {

@@ -34,7 +34,7 @@ pub struct Rare {
 
 /// A rare-event campaign that has ended, or was stopped.
 #[derive(Debug)]
-pub struct Rarely {
+pub struct RareEventResult {
     /// All of its points.
     pub campaign: Campaign,
     /// The results of the points.
@@ -96,7 +96,7 @@ impl Rare {
         criterion: Criterion,
         scenario: &Scenario,
         options: &Options,
-    ) -> Result<Rarely, CampaignError> {
+    ) -> Result<RareEventResult, CampaignError> {
         let Plan::Declared(declared) = plan else {
             return Err(CampaignError::Rare("a list has no levels".into()));
         };
@@ -142,7 +142,7 @@ impl Rare {
         if !finished.interrupted {
             finished.keep(&campaign, scenario, options)?;
         }
-        Ok(Rarely {
+        Ok(RareEventResult {
             sample,
             estimate: subset.estimate(),
             criterion,
@@ -273,7 +273,7 @@ fn score(result: &PointResult, criterion: &str) -> f64 {
     above.into_iter().chain(below).reduce(f64::max).unwrap_or(plain)
 }
 
-impl Rarely {
+impl RareEventResult {
     /// The figure with this score: thresholds in units of the figure. `None` where the criterion has limits on both sides,
     /// or none.
     pub fn figure(&self, score: f64) -> Option<f64> {

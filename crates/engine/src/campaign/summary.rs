@@ -45,7 +45,7 @@ pub fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 4]> {
 
 /// The ranges of the only varied key in which all points are good: `0 ms to 120 ms, 140 ms`. `None` where neighbours in the table are not
 /// neighbours in value, as drawn ones are not.
-pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> Option<String> {
+pub fn met_ranges(column: &Column, results: &[Option<PointResult>]) -> Option<String> {
     let sorted_values = match &column.numbers {
         Some(numbers) => numbers.is_sorted_by(|a, b| a < b) || numbers.is_sorted_by(|a, b| a > b),
         None => distinct(&column.texts).len() == column.texts.len(),
@@ -177,14 +177,14 @@ mod tests {
     #[test]
     fn stretches_cover_ranges_of_met_points() {
         let delays = column("d", &["0", "1", "2", "3", "4"]);
-        assert_eq!(stretches(&delays, &results("##.#!")).unwrap(), "0 to 1, 3");
-        assert_eq!(stretches(&delays, &results("....?")).unwrap(), "nowhere");
+        assert_eq!(met_ranges(&delays, &results("##.#!")).unwrap(), "0 to 1, 3");
+        assert_eq!(met_ranges(&delays, &results("....?")).unwrap(), "nowhere");
         let drawn = Column {
             numbers: Some(vec![1.2, 1.9, 1.4]),
             ..column("d", &["1.2", "1.9", "1.4"])
         };
-        assert_eq!(stretches(&drawn, &results("#.#")), None);
-        assert_eq!(stretches(&column("d", &["a", "b", "a"]), &results("#.#")), None);
+        assert_eq!(met_ranges(&drawn, &results("#.#")), None);
+        assert_eq!(met_ranges(&column("d", &["a", "b", "a"]), &results("#.#")), None);
     }
 
     #[test]

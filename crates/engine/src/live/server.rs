@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 use super::Steering;
 use super::http::{self, Request, RequestError};
 use super::pages::Pages;
-use super::steering::{Course, LiveCommand};
+use super::steering::{LiveCommand, RunContext};
 
 /// Maximum number of requests of our own page served at once; more are rejected.
 const CONNECTIONS_MAX: usize = 16;
@@ -289,9 +289,9 @@ impl Shared {
     /// Calls `act` with the live report; `None` as long as there is nothing to report.
     fn with_live<T>(
         &self,
-        act: impl FnOnce(&mut Live, &Course) -> Result<T, report::page::ReportError>,
+        act: impl FnOnce(&mut Live, &RunContext) -> Result<T, report::page::ReportError>,
     ) -> Result<Option<T>, report::page::ReportError> {
-        let Some(course) = self.steering.course() else {
+        let Some(course) = self.steering.context() else {
             return Ok(None);
         };
         let mut report_state = locked(&self.live);
@@ -319,7 +319,7 @@ impl Shared {
     }
 
     fn page(&self) -> Response {
-        let about = |course: &Course| {
+        let about = |course: &RunContext| {
             let participants = course.plan.participants.iter();
             let participants: Vec<Value> = participants
                 .map(|participant| json!({ "name": participant.name, "period_s": participant.period.seconds() }))
@@ -373,7 +373,7 @@ impl Shared {
 
     /// The data of a run whose folder is complete; built once.
     fn finished_data(&self) -> Result<Arc<Vec<u8>>, String> {
-        let course = self.steering.course().ok_or("there was no run")?;
+        let course = self.steering.context().ok_or("there was no run")?;
         let mut result = locked(&self.result);
         if let Some(made) = &*result {
             return Ok(made.clone());
@@ -390,7 +390,7 @@ impl Shared {
             Ok(command) => command,
             Err(reason) => return text(400, &reason),
         };
-        match self.steering.obey(&command) {
+        match self.steering.execute(&command) {
             Ok(()) => (200, JSON, self.steering.state().to_string().into_bytes()),
             Err(reason) => text(409, &reason),
         }

@@ -21,7 +21,7 @@ pub enum LiveCommand {
 }
 
 /// The constant data of a run that has begun.
-pub struct Course {
+pub struct RunContext {
     /// Its plan.
     pub plan: Plan,
     /// Its folder.
@@ -35,7 +35,7 @@ pub struct Steering {
     newest: AtomicI64,
     granted: AtomicI64,
     resting: AtomicBool,
-    course: OnceLock<Course>,
+    course: OnceLock<RunContext>,
     /// How the run keeps pace with the wall clock.
     pace: Mutex<serde_json::Value>,
     /// How the run ended, in words.
@@ -60,11 +60,11 @@ impl Steering {
     /// Called when the run begins: its tape exists.
     pub fn begin(&self, plan: &Plan, folder: PathBuf) {
         let plan = plan.clone();
-        let _ = self.course.set(Course { plan, folder });
+        let _ = self.course.set(RunContext { plan, folder });
     }
 
     /// The run that has begun.
-    pub fn course(&self) -> Option<&Course> {
+    pub fn context(&self) -> Option<&RunContext> {
         self.course.get()
     }
 
@@ -74,7 +74,7 @@ impl Steering {
     }
 
     /// Whether the limit permits the run to go past `at`.
-    pub fn lets_past(&self, at: Ticks) -> bool {
+    pub fn allows_past(&self, at: Ticks) -> bool {
         self.limit() > at
     }
 
@@ -101,7 +101,7 @@ impl Steering {
     }
 
     /// Called by the run to report how it keeps pace with the wall clock.
-    pub fn tell_pace(&self, pace: &impl serde::Serialize) {
+    pub fn report_pace(&self, pace: &impl serde::Serialize) {
         let pace = serde_json::to_value(pace).unwrap_or_default();
         *self.pace.lock().unwrap_or_else(PoisonError::into_inner) = pace;
     }
@@ -117,8 +117,8 @@ impl Steering {
     }
 
     /// Executes a command, or returns why it is not possible.
-    pub fn obey(&self, command: &LiveCommand) -> Result<(), String> {
-        let Some(Course { plan, .. }) = self.course() else {
+    pub fn execute(&self, command: &LiveCommand) -> Result<(), String> {
+        let Some(RunContext { plan, .. }) = self.context() else {
             return Err("the run has not begun yet".into());
         };
         if self.ended().is_some() {
@@ -156,7 +156,7 @@ impl Steering {
     /// The progress of the run, for the page.
     pub fn state(&self) -> serde_json::Value {
         let seconds = |ticks: Ticks| {
-            self.course()
+            self.context()
                 .map_or(0.0, |course| course.plan.timebase.seconds(ticks.max(0)))
         };
         serde_json::json!({

@@ -6,19 +6,19 @@ use super::Measures;
 use crate::assessment::{Assessment, Figures, Measured};
 
 /// Both as one assessment: it has the figures of both, and a run is a success when the criteria of both are met.
-pub struct Together {
+pub struct CombinedAssessment {
     own: Option<Box<dyn Assessment>>,
     measures: Measures,
 }
 
-impl Together {
+impl CombinedAssessment {
     /// `measures` combined with the assessment `own`, if there is one.
-    pub fn new(own: Option<Box<dyn Assessment>>, measures: Measures) -> Together {
-        Together { own, measures }
+    pub fn new(own: Option<Box<dyn Assessment>>, measures: Measures) -> CombinedAssessment {
+        CombinedAssessment { own, measures }
     }
 }
 
-impl Assessment for Together {
+impl Assessment for CombinedAssessment {
     fn reads(&self, stream: usize) -> bool {
         self.own.as_ref().is_some_and(|own| own.reads(stream)) || self.measures.reads(stream)
     }

@@ -336,7 +336,7 @@ fn find_end(
     subject: usize,
     stand_ins: &StandIns,
 ) -> Result<ReplayEnd, ReplayError> {
-    let plan = scenario.sketch(interfaces)?;
+    let plan = scenario.assumed_plan(interfaces)?;
     let planned = &plan.participants[subject];
     let overflow = || {
         ReplayError::Misfit(format!(

@@ -48,7 +48,7 @@ impl Checkpoint {
 }
 
 /// An instant in code: exact, or as text in the form that a scenario uses.
-pub trait Instantlike {
+pub trait AsInstant {
     /// The instant.
     ///
     /// # Errors
@@ -56,13 +56,13 @@ pub trait Instantlike {
     fn instant(&self) -> Result<Rational, RunFailure>;
 }
 
-impl Instantlike for Rational {
+impl AsInstant for Rational {
     fn instant(&self) -> Result<Rational, RunFailure> {
         Ok(*self)
     }
 }
 
-impl Instantlike for &str {
+impl AsInstant for &str {
     fn instant(&self) -> Result<Rational, RunFailure> {
         self.parse().map_err(|error| RunFailure::Instant {
             time: (*self).to_owned(),
@@ -92,7 +92,7 @@ impl Run {
     /// # Errors
     /// [`RunFailure::Instant`] for a time before now or after the end, [`RunFailure::Over`] when the run ends before it gets there;
     /// [`Run::end`] reports how.
-    pub fn run_to(&mut self, time: impl Instantlike) -> Result<(), RunFailure> {
+    pub fn run_to(&mut self, time: impl AsInstant) -> Result<(), RunFailure> {
         let time = time.instant()?;
         let refuse = |reason: String| {
             let time = time.to_string();

@@ -116,7 +116,7 @@ impl Run {
             reject_nested_run(&scenario)?;
             scope::leftovers().iter().for_each(scope::Leftover::remove);
             fmu::remove_leftovers();
-            resources::check(&known.plan, scenario.moves())?;
+            resources::check(&known.plan, scenario.may_relocate())?;
             None
         };
         let mut claim = match options.record {

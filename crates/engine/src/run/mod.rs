@@ -21,16 +21,16 @@ mod timeout;
 
 use std::sync::Arc;
 
-pub use drive::{Checkpoint, Instantlike};
+pub use drive::{AsInstant, Checkpoint};
 pub use handle::Run;
 pub(crate) use in_loop::batched::BatchedRun;
 pub(crate) use log::last_lines;
 pub use options::{Options, Origin, Overrun, Wait};
 pub use outcome::{Ending, Outcome, RunFailure};
 pub use pace::punctuality::{Lateness, Punctuality, factor};
-pub use pace::traced::Traced;
+pub use pace::traced::TraceSummary;
 pub use prepare::{Known, check, check_here, check_with_programs};
-pub use processes::child::{own_program, start_instead, tie};
+pub use processes::child::{own_program, set_own_program, tie};
 pub use processes::placement::Placement;
 pub use processes::sigbus::guard as guard_memory;
 pub(crate) use recording::guard::{Forbidden, SampleGuard};

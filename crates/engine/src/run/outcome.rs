@@ -11,7 +11,7 @@ use tape::folder::FolderError;
 use tape::{AppendError, CreateError, Digest, ReadError};
 
 use super::pace::punctuality::Punctuality;
-use super::pace::traced::Traced;
+use super::pace::traced::TraceSummary;
 use super::saved::checkpoint::CheckpointError;
 use crate::scenario::{ORCHESTRATOR, ScenarioError};
 use crate::scope::ScopeError;
@@ -53,7 +53,7 @@ pub enum RunFailure {
     },
     /// The machine does not have the resources that the run needs.
     #[error("{0}")]
-    Room(String),
+    SharedMemory(String),
     /// The program of a substitute cannot be started or does not answer when it is queried before the run.
     #[error("participant `{participant}`: {reason}")]
     Substitute {
@@ -179,7 +179,7 @@ pub struct Outcome {
     /// For each stream of which the tape does not have every sample: what it has, in words.
     pub partial: Vec<String>,
     /// The result of the trace, if there is one.
-    pub traced: Option<Traced>,
+    pub traced: Option<TraceSummary>,
     /// How each participant spent its wall time.
     pub timing: BTreeMap<String, WallTimeBreakdown>,
     /// The source of each input of each participant in `timing`.
@@ -250,7 +250,7 @@ impl Outcome {
             all.insert("pace".into(), json!(punctuality));
         }
         if let Some(traced) = &self.traced {
-            let Traced {
+            let TraceSummary {
                 path,
                 spans,
                 missing,

@@ -79,7 +79,7 @@ pub(super) fn check_participants(
             return Err(scenario.program_refusal(entry, &reason));
         }
     }
-    let plan = scenario.sketch(&interfaces)?;
+    let plan = scenario.assumed_plan(&interfaces)?;
     scenario.watches(&plan, |participant| interfaces[participant].is_some())?;
     scenario.check_pictures(&plan, |participant| interfaces[participant].is_some())?;
     scenario.kept(&plan, &streams(&plan), |participant| interfaces[participant].is_some())?;
@@ -249,7 +249,7 @@ pub(super) fn create_recorder(
     let kept = scenario.kept(&plan, &streams, |_| true)?;
     let saves = options.checkpoint_every.is_some() || !options.checkpoint_at.is_empty();
     // Taking up a run needs samples of all outputs.
-    let resumable = driven || saves || (scenario.moves() && !options.in_process);
+    let resumable = driven || saves || (scenario.may_relocate() && !options.in_process);
     let observers = Observers {
         kept: (folder.is_some() || options.record.needs_samples()).then_some(&kept),
         assessment: assessment.as_deref(),
@@ -465,8 +465,8 @@ pub(super) fn wait_while_paused(
                 return Ok(false);
             }
             (Some(Answer::Never), None) => return Ok(false),
-            (_, Some(steering)) if steering.lets_past(at) => return Ok(true),
-            _ if interrupt.asked() => return Ok(false),
+            (_, Some(steering)) if steering.allows_past(at) => return Ok(true),
+            _ if interrupt.is_requested() => return Ok(false),
             _ => std::thread::sleep(PAUSE_POLL_INTERVAL),
         }
         if let Some(failure) = check_failure() {

@@ -92,7 +92,7 @@ impl Processes {
             run_state
                 .options
                 .progress
-                .say(&format!("participant `{participant}`: {}", one.reason));
+                .notice(&format!("participant `{participant}`: {}", one.reason));
             return Ok(());
         };
         if one.number != first.number {
@@ -324,7 +324,7 @@ impl Processes {
     ) -> Result<(), RunFailure> {
         let name = run_state.plan.participants[number].name.clone();
         let message = format!("participant `{name}`: {text}");
-        run_state.options.progress.say(&message);
+        run_state.options.progress.notice(&message);
         run_state.recovered.push(message);
         let event = Event {
             time: run_state.time(at),

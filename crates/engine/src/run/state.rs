@@ -60,7 +60,7 @@ impl RunState {
         if let Some(steering) = &self.options.steering
             && let Some(update) = self.span_analysis.pace_update()
         {
-            steering.tell_pace(&update);
+            steering.report_pace(&update);
         }
     }
 

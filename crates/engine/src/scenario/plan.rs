@@ -16,7 +16,7 @@ use super::spec::ConnectionSpec;
 impl Scenario {
     /// A plan for inspection, without running anything: the ports of external participants are assumed to match the ports that they
     /// are connected to, and to be continuous, so that no loop is reported that may not exist.
-    pub fn sketch(&self, known: &[Option<Interface>]) -> Result<Plan, ScenarioError> {
+    pub fn assumed_plan(&self, known: &[Option<Interface>]) -> Result<Plan, ScenarioError> {
         let mut assumed: Vec<Interface> = known
             .iter()
             .map(|interface| interface.clone().unwrap_or_else(|| Interface::new(Kind::Continuous)))

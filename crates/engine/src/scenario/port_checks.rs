@@ -8,7 +8,7 @@ use super::error::ScenarioError;
 use super::resolve::Scenario;
 use super::{guards, measures, recorded, report_view};
 use crate::assessment::Assessment;
-use crate::measures::{Definition, Measures, Together};
+use crate::measures::{CombinedAssessment, Definition, Measures};
 use crate::run::{Kept, SampleGuard};
 
 impl Scenario {
@@ -92,6 +92,6 @@ impl Scenario {
             let mistake = self.source.mistake(&format!("measures.{name}"), error.to_string());
             self.source.error(vec![mistake])
         })?;
-        Ok(Some(Box::new(Together::new(own()?, measures))))
+        Ok(Some(Box::new(CombinedAssessment::new(own()?, measures))))
     }
 }

@@ -29,12 +29,12 @@ pub(super) fn read(
     let mut view = View::default();
     match report.map(View::read).transpose() {
         Ok(read) => view = read.unwrap_or_default(),
-        Err(misfits) => wrong.extend(mistakes(source, "report", misfits)),
+        Err(mismatches) => wrong.extend(mistakes(source, "report", mismatches)),
     }
     wrong.extend(mistakes(source, "report", unknown(view.participants().collect())));
     match scene.map(Scene::read).transpose() {
         Ok(read) => view.scene = read,
-        Err(misfits) => wrong.extend(mistakes(source, "scene", misfits)),
+        Err(mismatches) => wrong.extend(mistakes(source, "scene", mismatches)),
     }
     if let Some(scene) = &view.scene {
         wrong.extend(mistakes(source, "scene", unknown(scene.participants().collect())));
@@ -60,9 +60,9 @@ pub(super) fn check(
 ) -> Result<(), ScenarioError> {
     let streams = crate::run::streams(plan);
     let known = |name: &str| plan.participant(name).is_some_and(&certain);
-    let mut wrong = mistakes(source, "report", view.misfits(&streams, known));
+    let mut wrong = mistakes(source, "report", view.mismatches(&streams, known));
     if let Some(scene) = &view.scene {
-        wrong.extend(mistakes(source, "scene", scene.misfits(&streams, &known)));
+        wrong.extend(mistakes(source, "scene", scene.mismatches(&streams, &known)));
     }
     if wrong.is_empty() {
         Ok(())

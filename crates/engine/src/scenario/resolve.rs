@@ -248,7 +248,7 @@ impl Scenario {
     }
 
     /// Whether the run may have to move: for a substitution, or after a failure of a participant.
-    pub fn moves(&self) -> bool {
+    pub fn may_relocate(&self) -> bool {
         let mut policies = self.participants.iter().map(|entry| &entry.on_failure);
         !self.substitutions.is_empty() || policies.any(|policy| *policy != OnFailure::Stop)
     }

@@ -70,7 +70,7 @@ impl Scene {
 
     /// The parts of the scene that do not fit these streams. A body with a field of a participant that is not `certain` is
     /// left out.
-    pub fn misfits(&self, streams: &[StreamSpec], certain: &dyn Fn(&str) -> bool) -> Vec<Mistake> {
+    pub fn mismatches(&self, streams: &[StreamSpec], certain: &dyn Fn(&str) -> bool) -> Vec<Mistake> {
         if self.participants().all(|(_, name)| certain(name)) {
             return bind(self, streams).1;
         }

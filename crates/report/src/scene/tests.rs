@@ -75,7 +75,7 @@ fn scene(text: &str) -> Result<Scene, Vec<Mistake>> {
 
 fn mistakes_in(text: &str) -> Vec<String> {
     let wrong = match scene(text) {
-        Ok(scene) => scene.misfits(&streams(), &|_| true),
+        Ok(scene) => scene.mismatches(&streams(), &|_| true),
         Err(wrong) => wrong,
     };
     wrong
@@ -350,7 +350,7 @@ fn scene_mistakes_name_key_and_remedy() {
 #[test]
 fn scene_field_of_unknown_participant_is_not_rejected() {
     let text = "[bodies.a]\nposition = 'mover.now.spot'\nshape = { sphere = 1 }\n[bodies.b]\nposition = 'lift.now.spot'\nshape = { sphere = 1 }";
-    let wrong = scene(text).unwrap().misfits(&streams(), &|name| name == "lift");
+    let wrong = scene(text).unwrap().mismatches(&streams(), &|name| name == "lift");
     assert_eq!(wrong.len(), 1, "{wrong:?}");
     assert_eq!(wrong[0].key, "bodies.b.position");
 }

@@ -105,7 +105,7 @@ impl View {
 
     /// The parts of the view that do not fit these streams. A figure with a signal of a participant that is not `certain`
     /// is left out.
-    pub fn misfits(&self, streams: &[StreamSpec], certain: impl Fn(&str) -> bool) -> Vec<Mistake> {
+    pub fn mismatches(&self, streams: &[StreamSpec], certain: impl Fn(&str) -> bool) -> Vec<Mistake> {
         let known = |signal: &Signal| signal.participant.as_deref().is_none_or(&certain);
         let mut mistakes = Vec::new();
         for (at, figure) in self.figures.iter().enumerate() {
@@ -301,7 +301,7 @@ mod tests {
     fn mistakes_in(text: &str) -> Vec<String> {
         let table: Table = text.parse().unwrap();
         let wrong = match View::read(&table) {
-            Ok(view) => view.misfits(&streams(), |_| true),
+            Ok(view) => view.mismatches(&streams(), |_| true),
             Err(wrong) => wrong,
         };
         wrong

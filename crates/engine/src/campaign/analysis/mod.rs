@@ -15,7 +15,7 @@ use super::good_word;
 use super::verdicts;
 use super::wilson;
 use super::workers::point::{Result as PointResult, word};
-use super::{Campaign, Column, Rarely};
+use super::{Campaign, Column, RareEventResult};
 use figure::FigureSample;
 
 /// Pictures are thinned out to this number of points; the numbers use all points.
@@ -53,7 +53,7 @@ pub fn analysis(title: &str, campaign: &Campaign, results: &[Option<PointResult>
     })
 }
 
-impl Rarely {
+impl RareEventResult {
     /// The statistics for the page of a rare-event campaign: those of the first level, which is a plain random sample, with
     /// the estimate of the event and the worst of all points.
     pub fn analysis(&self, title: &str) -> Value {

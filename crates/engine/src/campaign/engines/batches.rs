@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::submit::{Cluster, Submission, Underway, campaign_root, submit_missing};
+use super::submit::{Cluster, Submission, SubmittedShards, campaign_root, submit_missing};
 use crate::Catalogue;
 use crate::campaign::folder::identity::Identity;
 use crate::campaign::shards::merge::merge;
@@ -18,7 +18,7 @@ const FIRST_BATCH: usize = 128;
 #[derive(Debug)]
 pub enum Step {
     /// Shards were submitted to the engine, or are still with it.
-    Given(Underway),
+    Given(SubmittedShards),
     /// All points are complete, or enough: the campaign with the points that count, merged.
     Complete(Box<Campaign>, Box<Finished>),
 }
@@ -47,7 +47,7 @@ pub fn submit(
     loop {
         let part = campaign.first(count);
         let (root, shards) = match submit_missing(catalogue, &part, scenario, options, cluster)? {
-            Submission::Underway(underway) => return Ok(Step::Given(underway)),
+            Submission::Submitted(underway) => return Ok(Step::Given(underway)),
             Submission::Complete { root, shards } => (root, shards),
         };
         let (part, mut finished) = merge(&root, &shards)?;

@@ -13,4 +13,4 @@ mod submit;
 
 pub use batches::{Step, submit};
 pub use engine::Engine;
-pub use submit::{Cluster, Underway, Waiting, waiting};
+pub use submit::{Cluster, SubmittedShards, Waiting, waiting};

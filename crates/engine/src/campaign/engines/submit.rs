@@ -34,7 +34,7 @@ pub struct Cluster {
 
 /// Shards that were submitted to the engine, or are still with it.
 #[derive(Debug)]
-pub struct Underway {
+pub struct SubmittedShards {
     /// The campaign's folder.
     pub root: PathBuf,
     /// The command line of each submitted shard.
@@ -50,7 +50,7 @@ pub struct Underway {
 /// The result of a submission.
 pub(super) enum Submission {
     /// Shards are running or waiting.
-    Underway(Underway),
+    Submitted(SubmittedShards),
     /// All shards are complete: the folders to be merged.
     Complete {
         /// The campaign's folder.
@@ -211,7 +211,7 @@ pub(super) fn submit_missing(
         record.write(&root)?;
     }
     record.write(&root)?;
-    Ok(Submission::Underway(Underway {
+    Ok(Submission::Submitted(SubmittedShards {
         lines: missing
             .iter()
             .map(|shard| format!("{} {shard}", shell_quoted(&script)))

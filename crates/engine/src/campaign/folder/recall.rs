@@ -13,7 +13,7 @@ use crate::scenario::{Changes, Scenario, ScenarioError, ScenarioSpec};
 
 /// A point of a campaign.
 #[derive(Debug)]
-pub struct Recalled {
+pub struct StoredPoint {
     /// The folder.
     pub root: PathBuf,
     /// From 1.
@@ -26,12 +26,12 @@ pub struct Recalled {
     campaign: Campaign,
 }
 
-impl Recalled {
+impl StoredPoint {
     /// Reads the point that `argument` names as `FOLDER:NUMBER`.
     ///
     /// # Errors
     /// When the folder is not a campaign's, or does not have the point.
-    pub fn read(argument: &Path) -> Result<Recalled, CampaignError> {
+    pub fn read(argument: &Path) -> Result<StoredPoint, CampaignError> {
         let refuse = |path: &Path, reason: String| CampaignError::Folder {
             path: path.to_owned(),
             reason,
@@ -69,7 +69,7 @@ impl Recalled {
                 result = Some(entry.result);
             }
         })?;
-        Ok(Recalled {
+        Ok(StoredPoint {
             root: root.to_owned(),
             point,
             file: campaign.scenario.clone(),

@@ -198,7 +198,7 @@ pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
 }
 
 /// The number of points of the campaign that belong to none of the shards `parts`.
-pub fn uncovered(parts: &[Part]) -> usize {
+pub fn unassigned_points(parts: &[Part]) -> usize {
     let points = parts.iter().map(|part| part.points).max().unwrap_or(0);
     let mut there = vec![false; points];
     for part in parts {

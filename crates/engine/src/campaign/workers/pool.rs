@@ -300,7 +300,7 @@ impl<'a> Pool<'a> {
         let messages = channel();
         let outcome = self.run_workers(options, &messages);
         options.progress.report(Event::Over);
-        self.stopped = options.interrupt.asked();
+        self.stopped = options.interrupt.is_requested();
         // All workers receive the request to end before the first is waited for.
         self.slots.iter_mut().for_each(|slot| slot.worker.shut_down());
         for number in 0..self.slots.len() {
@@ -343,7 +343,7 @@ impl<'a> Pool<'a> {
             self.send_points(number)?;
         }
         while self.enough.is_none() && self.slots.iter().any(|slot| !slot.busy.is_empty()) {
-            if options.interrupt.asked() {
+            if options.interrupt.is_requested() {
                 return Ok(());
             }
             options.progress.report(Event::Points {

@@ -147,7 +147,7 @@ fn live_commands_are_parsed_strictly() {
         assert!(command(body.as_bytes()).is_err(), "{body}");
     }
     assert_eq!(
-        shared().steering.obey(&LiveCommand::Pause),
+        shared().steering.execute(&LiveCommand::Pause),
         Err("the run has not begun yet".into())
     );
 }

@@ -293,7 +293,7 @@ impl Executor for LoopExecutor {
             let at = held.next_instant();
             let t_s = plan.timebase.seconds(at);
             run_state.options.progress.report(Report::Time { t_s });
-            return Ok(match run_state.options.interrupt.asked() {
+            return Ok(match run_state.options.interrupt.is_requested() {
                 true => Turn::Over(interrupted_ending(t_s)),
                 false => Turn::Held(at),
             });
@@ -302,7 +302,7 @@ impl Executor for LoopExecutor {
         self.reached = horizon;
         let t_s = plan.timebase.seconds(horizon);
         run_state.options.progress.report(Report::Time { t_s });
-        if run_state.options.interrupt.asked() {
+        if run_state.options.interrupt.is_requested() {
             return Ok(Turn::Over(interrupted_ending(t_s)));
         }
         if let Some(reason) = run_state.span_analysis.stop_reason() {

@@ -64,7 +64,7 @@ impl SharedLogs {
     pub(crate) fn report_to(&self, progress: &Progress) {
         let unreported = std::mem::take(&mut self.logs().unreported);
         for (participant, line) in &unreported {
-            progress.report(Event::Said { participant, line });
+            progress.report(Event::LogLine { participant, line });
         }
     }
 

@@ -10,7 +10,7 @@ use super::clock_controller::ClockController;
 use super::lateness::LatenessMonitor;
 use super::punctuality::Punctuality;
 use super::trace::Trace;
-use super::traced::Traced;
+use super::traced::TraceSummary;
 use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
 
@@ -109,7 +109,7 @@ impl SpanAnalysis {
     }
 
     /// The results.
-    pub(crate) fn finish(self) -> (Option<Punctuality>, Option<Traced>) {
+    pub(crate) fn finish(self) -> (Option<Punctuality>, Option<TraceSummary>) {
         let punctuality = self.lateness.map(|lateness| lateness.punctuality(&self.plan));
         (punctuality, self.trace.map(Trace::finish))
     }

@@ -12,7 +12,7 @@ use lockstep::span::{Span, SpanActivity, now_ns};
 use serde_json::{Value, json};
 use tape::folder::record_outputs;
 
-use super::traced::Traced;
+use super::traced::TraceSummary;
 use crate::run::outcome::RunFailure;
 
 /// The most spans of a file: about 200 MB.
@@ -170,7 +170,7 @@ impl Trace {
     }
 
     /// Ends the file.
-    pub(crate) fn finish(mut self) -> Traced {
+    pub(crate) fn finish(mut self) -> TraceSummary {
         if self.missing > 0 {
             let name = format!("cut: {} spans are missing in this trace", self.missing);
             let event = json!({
@@ -185,7 +185,7 @@ impl Trace {
             .map_or_else(|| self.file.write_all(b"\n]}\n").and_then(|()| self.file.flush()), Err);
         // Where this fails, the note of its beginning remains.
         let _ = record_outputs(std::slice::from_ref(&self.path), false);
-        Traced {
+        TraceSummary {
             path: self.path,
             spans: self.written,
             missing: self.missing,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 /// The result of a trace.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Traced {
+pub struct TraceSummary {
     /// The file.
     pub path: PathBuf,
     /// Spans in it.

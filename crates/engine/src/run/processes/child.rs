@@ -58,7 +58,7 @@ static OWN_PROGRAM: OnceLock<PathBuf> = OnceLock::new();
 
 /// Sets the program that is started where this program would start itself again: a process that has loaded the engine as a module
 /// is no program with a command line. Only the first call has an effect.
-pub fn start_instead(program: PathBuf) {
+pub fn set_own_program(program: PathBuf) {
     let _ = OWN_PROGRAM.set(program);
 }
 

@@ -225,7 +225,7 @@ impl Processes {
             return Err(Ending::Failed { participant, reason });
         }
         self.periodic.stall_reported = true;
-        run_state.options.progress.say(&reason);
+        run_state.options.progress.notice(&reason);
         Ok(())
     }
 }

@@ -59,7 +59,7 @@ impl Monitor {
 
     /// Whether the user requested the end of the run.
     pub(crate) fn is_interrupted(&self) -> bool {
-        self.interrupt.asked()
+        self.interrupt.is_requested()
     }
 
     /// The signal or the failure that makes waiting pointless, if there is one.

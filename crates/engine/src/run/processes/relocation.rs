@@ -40,7 +40,7 @@ impl Processes {
             .clone()
             .ok_or_else(|| RunFailure::Other("the run has no folder for logs".into()))?;
         let old_address = self.services.address().clone();
-        self.scope.move_on()?;
+        self.scope.next_domain()?;
         let names = run_state.plan.participants.iter().map(|planned| planned.name.as_str());
         let (domain, ports) = RunServices::enter_domain(self.scope.address(), names)?;
         // If anything else fails from here on, the participants in `old` and `handles` are shut down when these are dropped.

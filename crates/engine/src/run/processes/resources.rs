@@ -136,13 +136,13 @@ pub(crate) fn bus_error_hint(status: ExitStatus) -> String {
 
 /// The failure that shared memory was full.
 pub(crate) fn memory_full() -> RunFailure {
-    RunFailure::Room(format!("shared memory is full: {}", free_memory_text()))
+    RunFailure::SharedMemory(format!("shared memory is full: {}", free_memory_text()))
 }
 
 /// Refuses a run that exceeds the limits of this process. `domains` is how many domains in shared memory the orchestrator holds at a
 /// time: two if the run may move.
 fn check_limits(needs: &Footprint, domains: u64) -> Result<(), RunFailure> {
-    let refuse = |reason: String| Err(RunFailure::Room(reason));
+    let refuse = |reason: String| Err(RunFailure::SharedMemory(reason));
     if let Some(most) = getrlimit(Resource::Nofile).current {
         let files = (domains * needs.files).max(needs.participant_files);
         if files > most {
@@ -196,7 +196,7 @@ fn ring_sizes(needs: &Footprint, free: u64) -> Vec<u32> {
 pub(crate) fn check_relocation(plan: &Plan) -> Result<(), RunFailure> {
     let (needs, memory) = (footprint(plan), SharedMemory::now());
     if needs.services > memory.free {
-        return Err(RunFailure::Room(format!(
+        return Err(RunFailure::SharedMemory(format!(
             "shared memory: to be resumed the run needs {}, and {}",
             mib(needs.services),
             free_memory_text()
@@ -210,7 +210,7 @@ pub(crate) fn ring_sizes_now(plan: &Plan) -> Result<Vec<u32>, RunFailure> {
     let (mut needs, memory) = (footprint(plan), SharedMemory::now());
     needs.services = 0;
     if needs.minimum() > memory.free {
-        return Err(RunFailure::Room(format!(
+        return Err(RunFailure::SharedMemory(format!(
             "shared memory: what participants record needs {}, and {}",
             mib(needs.minimum()),
             free_memory_text()
@@ -224,7 +224,7 @@ pub(crate) fn check(plan: &Plan, relocatable: bool) -> Result<(), RunFailure> {
     let (needs, memory) = (footprint(plan), SharedMemory::now());
     check_limits(&needs, 1 + u64::from(relocatable))?;
     if let Some(reason) = unusable() {
-        return Err(RunFailure::Room(reason));
+        return Err(RunFailure::SharedMemory(reason));
     }
     let least = least(&needs, relocatable);
     if least > memory.free {
@@ -250,7 +250,7 @@ pub(crate) fn reserve(plan: &Plan, folder: &Path, relocatable: bool) -> Result<R
     let rings = ring_sizes(&needs, memory.free - more);
     let records: u64 = rings.iter().map(|&ring| Footprint::record(u64::from(ring))).sum();
     let path = folder.join("reserved");
-    let failed = |source: std::io::Error| RunFailure::Room(format!("`{}`: {source}", path.display()));
+    let failed = |source: std::io::Error| RunFailure::SharedMemory(format!("`{}`: {source}", path.display()));
     let file = File::create_new(&path).map_err(failed)?;
     let mut reserved_bytes: u64 = needs.services + records;
     if let Some(most) = getrlimit(Resource::Fsize).current {
@@ -294,7 +294,7 @@ fn too_little_memory(plan: &Plan, needs: &Footprint, least: u64, memory: SharedM
     let fit = participants * memory.free.saturating_sub(SPARE_BYTES) / least;
     let used = memory.size - memory.free.min(memory.size);
     let size = (used + least.max(needs.minimum() + SPARE_BYTES)).div_ceil(1 << 20);
-    RunFailure::Room(format!(
+    RunFailure::SharedMemory(format!(
         "shared memory: {participants} participants with {links} links need {} in {SHARED_MEMORY}, and {} of {} are free, enough for about {fit} of \
          the participants: make it {size} MiB, such as with docker run --shm-size={size}m or mount -o remount,size={size}m {SHARED_MEMORY}",
         mib(least),

@@ -102,7 +102,7 @@ pub(crate) fn set_up(
             }
             return Err(RunFailure::Participant { participant, reason });
         };
-        options.progress.say(&format!(
+        options.progress.notice(&format!(
             "participant `{participant}`: {reason}\nparticipant `{participant}`: {}",
             event.text
         ));
@@ -135,7 +135,7 @@ fn assemble(
     };
     let recovered = events.iter().map(words).collect();
     if let Some(denied) = &placement.denied {
-        options.progress.say(denied);
+        options.progress.notice(denied);
     }
     for event in events {
         recorder.event(&Event { time, ..event })?;
@@ -200,7 +200,7 @@ impl StartUp<'_> {
     ) -> Result<StartedRun, RunFailure> {
         let (scenario, options) = (self.scenario, self.options);
         let scope = Scope::create()?;
-        let reserved = resources::reserve(self.sketch, &scope.address().folder, scenario.moves())?;
+        let reserved = resources::reserve(self.sketch, &scope.address().folder, scenario.may_relocate())?;
         reserved.release_services();
         let names = entries.iter().map(|entry| entry.setup.name.as_str());
         let (domain, ports) = RunServices::enter_domain(scope.address(), names)?;
