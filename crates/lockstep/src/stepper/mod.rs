@@ -26,11 +26,11 @@ pub use termination::terminate;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use input::{Assembled, InputState, SeenState};
-use output::{ConsumerState, FaultInjection, OutputState};
+use output::OutputState;
 use progress::{DeferredStep, Phase, Requests};
+use step::step_before;
 
-use crate::fault::Injector;
-use crate::participant::{Failure, Inputs, Kind, Log, Outputs, Participant, Step, ValueCheck};
+use crate::participant::{Failure, Inputs, Kind, Log, Outputs, Participant, Step};
 use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
 use crate::transport::{Header, Recording};
@@ -99,22 +99,9 @@ impl Stepper {
             .collect();
         let senders = ends.senders.into_iter().zip(&assignment.outputs);
         let senders = senders.zip(&interface.outputs);
-        let outputs = senders.map(|((senders, output), port)| OutputState {
-            stream: output.stream,
-            observed: output.observed,
-            recorded: true,
-            seen: true,
-            name: port.name.clone(),
-            values: ValueCheck::new(&port.descriptor, false),
-            descriptor: port.descriptor.clone(),
-            consumers: senders
-                .into_iter()
-                .zip(&output.consumers)
-                .map(|(s, c)| ConsumerState::new(c, s, first_stamp))
-                .collect(),
-            fault_injection: Injector::new(&output.faults, assignment.timebase)
-                .map(|injector| FaultInjection::new(injector, port.descriptor.size as usize)),
-            consumers_done: 0,
+        let outputs = senders.map(|((senders, output), port)| {
+            let timebase = assignment.timebase;
+            OutputState::new(output, &port.name, &port.descriptor, senders, timebase, first_stamp)
         });
         let mut outputs: Vec<_> = outputs.collect();
         let mut output_buffers = Outputs::of(interface, Log::new(&assignment.name, None));
@@ -142,12 +129,7 @@ impl Stepper {
             input_buffers: Inputs::zeroed(interface),
             output_buffers,
             horizon: Ticks::MIN,
-            step: Step {
-                index: next.wrapping_sub(1),
-                t: f64::NAN,
-                t_next: assignment.timebase.seconds(sample_time.instant(next)),
-                period: assignment.timebase.seconds(sample_time.period),
-            },
+            step: step_before(next, sample_time, assignment.timebase),
             next,
             sample: 0,
             initialised: false,

@@ -4,9 +4,9 @@ use super::StepError;
 use crate::fault::Injector;
 use crate::link::ReadSchedule;
 use crate::participant::{Payload, ValueCheck};
-use crate::plan::{Consumer, Observed};
+use crate::plan::{Consumer, Observed, OutputPort};
 use crate::port::Descriptor;
-use crate::time::Ticks;
+use crate::time::{Ticks, Timebase};
 use crate::transport::{Header, Sender, TransportError};
 
 pub(super) struct OutputState {
@@ -40,6 +40,34 @@ impl FaultInjection {
 }
 
 impl OutputState {
+    /// For an output with the name and the descriptor of its port; `first_stamp` is the stamp of its next sample, `None` when that is its
+    /// first.
+    pub(super) fn new(
+        output: &OutputPort,
+        name: &str,
+        descriptor: &Descriptor,
+        senders: Vec<Box<dyn Sender>>,
+        timebase: Timebase,
+        first_stamp: Option<Ticks>,
+    ) -> OutputState {
+        let consumers = senders.into_iter().zip(&output.consumers);
+        OutputState {
+            stream: output.stream,
+            observed: output.observed,
+            recorded: true,
+            seen: true,
+            name: name.to_owned(),
+            values: ValueCheck::new(descriptor, false),
+            descriptor: descriptor.clone(),
+            consumers: consumers
+                .map(|(sender, consumer)| ConsumerState::new(consumer, sender, first_stamp))
+                .collect(),
+            fault_injection: Injector::new(&output.faults, timebase)
+                .map(|injector| FaultInjection::new(injector, descriptor.size as usize)),
+            consumers_done: 0,
+        }
+    }
+
     /// Determines whether sample `index`, the current one from now on, is seen.
     pub(super) fn update_seen(&mut self, index: u64) {
         let mut read = false;
