@@ -29,7 +29,7 @@ pub(crate) fn describe_activity(plan: &Plan, number: usize, status: Status) -> S
             }
         }
         Activity::Recorder => "waiting for the recorder".into(),
-        Activity::Paused => "at rest at the horizon".into(),
+        Activity::Paused => "paused at the horizon".into(),
         Activity::Finished => "finished".into(),
     }
 }
