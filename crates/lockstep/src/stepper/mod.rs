@@ -27,8 +27,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use input::{Assembled, InputState, SeenState};
 use output::OutputState;
-use progress::{DeferredStep, Phase, Requests};
-use step::step_before;
+use progress::{DeferredStep, Phase, Requests, step_before};
 
 use crate::participant::{Failure, Inputs, Kind, Log, Outputs, Participant, Step};
 use crate::plan::{Assignment, Position};

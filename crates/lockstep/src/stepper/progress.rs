@@ -1,6 +1,7 @@
 //! The ends of a stepper's links, its progress, and what it waits for.
 
 use crate::participant::{Failure, Step};
+use crate::time::{SampleTime, Timebase};
 use crate::transport::{Receiver, Recording, Sender};
 
 /// What a stepper needs to continue.
@@ -92,4 +93,14 @@ pub(super) struct DeferredStep {
     pub(super) wanted: bool,
     pub(super) step: Option<Step>,
     pub(super) result: Option<Result<(), Failure>>,
+}
+
+/// What is known of the activation before activation `next`: its end. There is none before the first.
+pub(super) fn step_before(next: u64, sample_time: SampleTime, timebase: Timebase) -> Step {
+    Step {
+        index: next.wrapping_sub(1),
+        t: f64::NAN,
+        t_next: timebase.seconds(sample_time.instant(next)),
+        period: timebase.seconds(sample_time.period),
+    }
 }

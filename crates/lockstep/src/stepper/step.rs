@@ -4,17 +4,6 @@ use super::progress::Phase;
 use super::{StepError, Stepper, catch_failure};
 use crate::participant::{Kind, Step};
 use crate::plan::Assignment;
-use crate::time::{SampleTime, Timebase};
-
-/// What is known of the activation before activation `next`: its end. There is none before the first.
-pub(super) fn step_before(next: u64, sample_time: SampleTime, timebase: Timebase) -> Step {
-    Step {
-        index: next.wrapping_sub(1),
-        t: f64::NAN,
-        t_next: timebase.seconds(sample_time.instant(next)),
-        period: timebase.seconds(sample_time.period),
-    }
-}
 
 impl Stepper {
     /// Does the step whose inputs are complete: executed here, left to the caller, or provided from outside.
