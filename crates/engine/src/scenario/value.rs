@@ -41,8 +41,12 @@ fn is_beyond_doubles(text: &str) -> bool {
     begins_as_number && text.parse::<f64>().is_ok_and(f64::is_infinite)
 }
 
-/// What serde says of a value, with the words of TOML for its types.
-pub(super) fn in_words_of_toml(reason: &str) -> String {
+/// Why a value in TOML cannot be read, without its position, and with the words of TOML for its types.
+pub(super) fn toml_reason(error: &toml::de::Error) -> String {
+    in_words_of_toml(error.message().trim())
+}
+
+fn in_words_of_toml(reason: &str) -> String {
     let words = [
         ("invalid type: map", "invalid type: table"),
         ("invalid type: sequence", "invalid type: list"),

@@ -18,7 +18,7 @@ impl Stepper {
             return None;
         }
         Some(PendingStep {
-            step: self.deferred.step?,
+            step: self.step,
             member: self.participant.abreast()?,
             inputs: &self.input_buffers,
             outputs: &mut self.output_buffers,

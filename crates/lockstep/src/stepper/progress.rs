@@ -91,7 +91,6 @@ pub(super) enum Phase {
 pub(super) struct DeferredStep {
     /// Whether steps are left to the caller at all.
     pub(super) wanted: bool,
-    pub(super) step: Option<Step>,
     pub(super) result: Option<Result<(), Failure>>,
 }
 

@@ -12,7 +12,6 @@ impl Stepper {
         self.output_buffers.log.set_time(step.t);
         if !std::mem::take(&mut self.requests.outputs_provided) {
             if self.deferred.wanted {
-                self.deferred.step = Some(step);
                 self.phase = Phase::Deferred;
                 return Ok(());
             }

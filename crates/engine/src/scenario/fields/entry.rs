@@ -5,6 +5,7 @@ use toml::Value;
 
 use crate::scenario::ports::ConnectionEnd;
 use crate::scenario::spec::ConnectionSpec;
+use crate::scenario::value::toml_reason;
 
 /// The key of the connection that is wrong, and why.
 pub(in crate::scenario) type Refusal = (&'static str, String);
@@ -176,7 +177,7 @@ impl FieldComposition {
     }
 
     fn parse_table(value: &Value) -> Result<FieldComposition, String> {
-        let entry: MapEntry = value.clone().try_into().map_err(|error| toml_message(&error))?;
+        let entry: MapEntry = value.clone().try_into().map_err(|error| toml_reason(&error))?;
         match entry {
             MapEntry {
                 from: Some(from),
@@ -206,9 +207,4 @@ impl FieldComposition {
             ..FieldComposition::default()
         }
     }
-}
-
-/// What is wrong with a table, in one line.
-fn toml_message(error: &toml::de::Error) -> String {
-    error.message().trim().to_owned()
 }

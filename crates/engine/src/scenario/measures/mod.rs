@@ -14,6 +14,7 @@ use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::recorded::leaves_out;
 use crate::scenario::spec::{Entries, MeasureKind, MeasureSpec, Origin, ThroughKind, Time};
 use crate::scenario::spec::{MeasureTables, read_measures};
+use crate::scenario::value::toml_reason;
 pub use refusal::Refusal;
 use refusal::{conversion_factor, refusal};
 use selected_elements::SelectedElements;
@@ -39,7 +40,7 @@ impl DeclaredMeasure {
         let entry: MeasureSpec = serde_path_to_error::deserialize(Value::Table(table)).map_err(|error| {
             let path = error.path().to_string();
             let key = if path == "." { String::new() } else { path };
-            (key, error.into_inner().message().to_owned())
+            (key, toml_reason(&error.into_inner()))
         })?;
         DeclaredMeasure::new(name, entry)
     }

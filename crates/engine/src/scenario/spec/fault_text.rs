@@ -5,6 +5,7 @@ use std::str::FromStr;
 use toml::{Table, Value};
 
 use super::fault::FaultSpec;
+use crate::scenario::value::toml_reason;
 
 /// Parses `text` into an entry of `[[faults]]`. Values are read as TOML if they are valid TOML, otherwise as text; commas inside
 /// brackets, braces and quotes belong to the value.
@@ -34,8 +35,8 @@ impl FromStr for FaultSpec {
     fn from_str(text: &str) -> Result<FaultSpec, String> {
         serde_path_to_error::deserialize(Value::Table(table(text)?)).map_err(|error| {
             let path = error.path().to_string();
-            match (path.as_str(), error.into_inner().message()) {
-                (".", reason) => reason.to_owned(),
+            match (path.as_str(), toml_reason(&error.into_inner())) {
+                (".", reason) => reason,
                 (key, reason) => format!("{key}: {reason}"),
             }
         })

@@ -9,7 +9,7 @@ use toml::Value;
 
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::key_lines::KeyLines;
-use crate::scenario::value::in_words_of_toml;
+use crate::scenario::value::toml_reason;
 
 /// The origin of a change by `--set`.
 pub(super) const WITH_SET: &str = "given with --set";
@@ -126,6 +126,6 @@ pub(super) fn deserialize_at<T: DeserializeOwned>(origin: &Origin, key: &str, va
             ("", path) => path.to_owned(),
             (key, path) => format!("{key}.{path}"),
         };
-        origin.mistake(&key, in_words_of_toml(error.into_inner().message()))
+        origin.mistake(&key, toml_reason(&error.into_inner()))
     })
 }
