@@ -49,7 +49,7 @@ pub fn pade(delay: f64, order: usize) -> Result<StateSpace, DelayError> {
         .collect();
     let mut g = StateSpace::transfer_function(&numerator, &denominator)?;
     let per_second = 1.0 / delay;
-    g.a = &g.a * faer::Scale(per_second);
-    g.b = &g.b * faer::Scale(per_second);
+    g.a = &g.a * per_second;
+    g.b = &g.b * per_second;
     Ok(g.balanced())
 }

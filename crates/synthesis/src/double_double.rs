@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use faer::fx128;
+use twofloat::TwoFloat;
 
 use crate::linalg::{self, CMatrix, LinalgError, Matrix, c64};
 use crate::state_space::StateSpace;
@@ -46,9 +46,9 @@ impl Loop<'_> {
             (_, true) => 0.0,
             _ => p.d[(nz + i - n - nu, w)],
         };
-        let number = fx128::from_f64;
+        let number = TwoFloat::from;
         // Real and imaginary parts as one real system of twice the size.
-        let mut rows: Vec<Vec<fx128>> = (0..2 * m)
+        let mut rows: Vec<Vec<TwoFloat>> = (0..2 * m)
             .map(|row| {
                 let (i, lower) = (row % m, row >= m);
                 let mut line = vec![number(0.0); 2 * m + width];
@@ -78,7 +78,7 @@ impl Loop<'_> {
             for j in 0..nu {
                 sum += number(p.d[(i, nw + j)]) * rows[first + n + j][2 * m + w];
             }
-            sum.0
+            sum.hi()
         };
         let transfer = CMatrix::from_fn(outputs.len(), width, |i, w| {
             let i = outputs.start + i;
@@ -89,27 +89,27 @@ impl Loop<'_> {
 }
 
 /// Gauss and Jordan's elimination with partial pivoting of an augmented system; false when it is singular.
-fn eliminate(rows: &mut [Vec<fx128>]) -> bool {
+fn eliminate(rows: &mut [Vec<TwoFloat>]) -> bool {
     let size = rows.len();
     for column in 0..size {
         let pivot = (column..size)
-            .max_by(|&i, &j| rows[i][column].0.abs().total_cmp(&rows[j][column].0.abs()))
+            .max_by(|&i, &j| rows[i][column].hi().abs().total_cmp(&rows[j][column].hi().abs()))
             .unwrap_or(column);
         rows.swap(column, pivot);
-        if rows[column][column].0 == 0.0 || !rows[column][column].0.is_finite() {
+        if rows[column][column].hi() == 0.0 || !rows[column][column].hi().is_finite() {
             return false;
         }
         let (above, rest) = rows.split_at_mut(column);
         let Some((head, below)) = rest.split_first_mut() else {
             return false;
         };
-        let scale = fx128::from_f64(1.0) / head[column];
+        let scale = TwoFloat::from(1.0) / head[column];
         for entry in &mut head[column..] {
             *entry *= scale;
         }
         for row in above.iter_mut().chain(below) {
             let factor = row[column];
-            if factor.0 == 0.0 {
+            if factor.hi() == 0.0 {
                 continue;
             }
             for (entry, own) in row[column..].iter_mut().zip(&head[column..]) {

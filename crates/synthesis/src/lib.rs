@@ -33,9 +33,8 @@
 //! Conventions: continuous time, SI units where units are known, frequencies in rad/s, `u = K y` (the sign is part of K),
 //! generalised plants with inputs [w; u] and outputs [z; y]. The crate reads no file and prints nothing.
 //!
-//! Determinism: single-threaded kernels and seeded searches give the same bits on the same kind of machine. Dense products
-//! use the available instruction set, so another processor may differ in the last digits; tuning is done offline and its
-//! result is a file, so that is acceptable here, and nothing in a simulation step uses this crate.
+//! Determinism: every sum has its order in the code, elementary functions are those of `libm` in Rust, and searches are seeded, so
+//! results have the same bits on every processor and with any number of threads.
 
 pub mod balance;
 pub mod delay;

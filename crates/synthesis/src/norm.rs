@@ -126,17 +126,17 @@ pub(crate) fn level_crossings(g: &StateSpace, level: f64) -> Result<Vec<f64>, Li
     }
     // With B and C divided by √γ and D by γ the level is one, and both off-diagonal blocks are of similar size.
     let root = level.sqrt();
-    let b = &g.b * faer::Scale(1.0 / root);
-    let c = &g.c * faer::Scale(1.0 / root);
-    let d = &g.d * faer::Scale(1.0 / level);
+    let b = &g.b * (1.0 / root);
+    let c = &g.c * (1.0 / root);
+    let d = &g.d * (1.0 / level);
     let r = Matrix::identity(d.ncols(), d.ncols()) - d.transpose() * &d;
     let s = Matrix::identity(d.nrows(), d.nrows()) - &d * d.transpose();
     let r_dt_c = linalg::solve(&r, &(d.transpose() * &c))?;
-    let r_bt = linalg::solve(&r, &b.transpose().to_owned())?;
+    let r_bt = linalg::solve(&r, &b.transpose())?;
     let s_c = linalg::solve(&s, &c)?;
     let a = &g.a + &b * &r_dt_c;
-    let minus_at = a.transpose().to_owned() * faer::Scale(-1.0);
-    let q = c.transpose().to_owned() * &s_c * faer::Scale(-1.0);
+    let minus_at = a.transpose() * -1.0;
+    let q = c.transpose() * &s_c * -1.0;
     let h = balance::balanced(&linalg::blocks(&[&[&a, &(&b * &r_bt)], &[&q, &minus_at]]));
     let size = linalg::max_abs(&h);
     let mut out: Vec<f64> = linalg::eigenvalues(&h)?

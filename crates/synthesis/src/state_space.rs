@@ -208,7 +208,7 @@ impl StateSpace {
 
     /// The transposed system, with transfer matrix `G(s)ᵀ`.
     pub fn dual(&self) -> Self {
-        let t = |m: &Matrix| m.transpose().to_owned();
+        let t = |m: &Matrix| m.transpose();
         Self {
             a: t(&self.a),
             b: t(&self.c),

@@ -137,7 +137,7 @@ fn single_right_zero_gives_the_plant_there() {
     for _ in 0..4000 {
         let n = 1 + seen[0] % 4;
         let mut matrix = |rows, columns| Matrix::from_fn(rows, columns, |_, _| next_random());
-        let a = matrix(n, n) - Matrix::identity(n, n) * faer::Scale(0.8f64);
+        let a = matrix(n, n) - Matrix::identity(n, n) * 0.8f64;
         let (b, c) = (matrix(n, 2), matrix(2, n));
         let d = from_rows(&[vec![0.0, 1.0], vec![1.0, 0.0]]).unwrap();
         let p = StateSpace::new(a, b, c, d).unwrap();

@@ -275,14 +275,14 @@ fn upper_bound_is_the_least_over_d_and_g() {
                 "found {found:.9}, brute force {known:.9}: {m:?}"
             );
             let (d, g) = (&upper.scalings.d_left, &upper.scalings.g);
-            let (dm, gm) = (m.adjoint() * d * &m, g * &m);
+            let (dm, gm) = (synthesis::linalg::adjoint(&m) * d * &m, g * &m);
             let certificate = CMatrix::from_fn(full + 1, full + 1, |i, j| {
                 let turned = c64::new(0.0, 1.0) * (gm[(i, j)] - gm[(j, i)].conj());
                 upper.scalings.d_right[(i, j)] * (found * found) - dm[(i, j)] - turned
             });
             let values = hermitian_eigen(&certificate).unwrap().0;
             // Evaluated in another order, so to rounding of its terms.
-            let rounding = 1e-14 * (gm.norm_max() + values[full]);
+            let rounding = 1e-14 * (synthesis::linalg::max_abs(&gm) + values[full]);
             assert!(values[0] > -rounding, "{found} is not proved: {values:?}");
         }
     }
@@ -364,7 +364,7 @@ fn checked_margin(m: &StateSpace, s: &Structure, options: &MarginOptions) -> Mar
         // Apply it: one eigenvalue of the closed loop lies on the axis, at the stated frequency.
         let closed = |k: f64| {
             let scaled = CMatrix::from_fn(p.delta.nrows(), p.delta.ncols(), |i, j| p.delta[(i, j)] * k);
-            assert!(m.d.norm_max() == 0.0);
+            assert!(synthesis::linalg::max_abs(&m.d) == 0.0);
             eigenvalues_complex(&(to_complex(&m.a) + to_complex(&m.b) * scaled * to_complex(&m.c))).unwrap()
         };
         let nearest = closed(1.0)

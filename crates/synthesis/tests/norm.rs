@@ -65,7 +65,7 @@ fn three_nearly_undamped_oscillators() {
     ])
     .unwrap();
     let b = Matrix::from_fn(6, 1, |i, _| if i % 2 == 0 { 1.0 } else { 0.0 });
-    let g = StateSpace::new(a, b.clone(), b.transpose().to_owned(), Matrix::zeros(1, 1)).unwrap();
+    let g = StateSpace::new(a, b.clone(), b.transpose(), Matrix::zeros(1, 1)).unwrap();
     let n = hinf_norm(&g, 1e-9).unwrap();
     assert_close(n.gain, 500000.0001, 1e-9);
     assert_close(n.omega, std::f64::consts::SQRT_2, 1e-8);

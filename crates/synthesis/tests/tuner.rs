@@ -166,7 +166,7 @@ fn of_mass(mass: [[f64; 2]; 2]) -> Model {
     let root = synthesis::linalg::sqrt_spd(&m).unwrap();
     let inverse_root = synthesis::linalg::inverse(&root).unwrap();
     let inverse = synthesis::linalg::inverse(&m).unwrap();
-    let b = synthesis::linalg::blocks(&[&[&inverse_root, &Matrix::zeros(2, 2), &(inverse * faer_minus())]]);
+    let b = synthesis::linalg::blocks(&[&[&inverse_root, &Matrix::zeros(2, 2), &(inverse * -1.0)]]);
     let c = synthesis::linalg::blocks(&[&[&root], &[&Matrix::zeros(2, 2)], &[&Matrix::identity(2, 2)]]);
     let mut d = Matrix::zeros(6, 6);
     for i in 0..2 {
@@ -260,10 +260,6 @@ fn a_scheduled_gain_serves_two_mass_matrices() {
         "{}",
         constant.evaluation.gamma
     );
-}
-
-fn faer_minus() -> Matrix {
-    diagonal(&[-1.0, -1.0])
 }
 
 /// Stabilisation from an unstable start, the same bits for the same seed whatever the number of threads, and progress.

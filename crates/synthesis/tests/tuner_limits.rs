@@ -1,10 +1,10 @@
 //! Tuning problems with an infimum that no gain attains, or with nothing to minimise: the report is correct and states this.
 
-use faer::fx128;
 use synthesis::full_order::full_order_optimum;
 use synthesis::linalg::{CMatrix, Matrix, c64, singular_values};
 use synthesis::matrices::PlantMatrices;
 use synthesis::tuner::{Options, Problem, SearchControl, Tuned, Verdict, tune};
+use twofloat::TwoFloat;
 
 fn plant(json: &str) -> PlantMatrices {
     serde_json::from_str(json).unwrap()
@@ -26,7 +26,7 @@ fn true_gain(problem: &Problem, k: &Matrix, omega: f64) -> f64 {
     let (n, nu, ny) = (p.states(), k.nrows(), k.ncols());
     let (nw, nz) = (p.inputs() - nu, p.outputs() - ny);
     let size = n + nu + ny;
-    let number = fx128::from_f64;
+    let number = TwoFloat::from;
     let mut rows = vec![vec![number(0.0); 2 * size + nw]; 2 * size];
     let mut set = |i: usize, j: usize, value: f64| {
         rows[i][j] = number(value);
@@ -55,13 +55,13 @@ fn true_gain(problem: &Problem, k: &Matrix, omega: f64) -> f64 {
     }
     for column in 0..2 * size {
         let pivot = (column..2 * size)
-            .max_by(|&i, &j| rows[i][column].0.abs().total_cmp(&rows[j][column].0.abs()))
+            .max_by(|&i, &j| rows[i][column].hi().abs().total_cmp(&rows[j][column].hi().abs()))
             .unwrap();
         rows.swap(column, pivot);
         let head = rows[column].clone();
         for (i, row) in rows.iter_mut().enumerate() {
             let factor = row[column] / head[column];
-            if i == column || factor.0 == 0.0 {
+            if i == column || factor.hi() == 0.0 {
                 continue;
             }
             (column..row.len()).for_each(|j| row[j] -= factor * head[j]);
@@ -73,7 +73,7 @@ fn true_gain(problem: &Problem, k: &Matrix, omega: f64) -> f64 {
             let states = (0..n).fold(number(direct), |sum, s| sum + x(first + s, w) * number(p.c[(i, s)]));
             (0..nu)
                 .fold(states, |sum, u| sum + x(first + n + u, w) * number(p.d[(i, nw + u)]))
-                .0
+                .hi()
         };
         c64::new(part(0, p.d[(i, w)]), part(size, 0.0))
     });

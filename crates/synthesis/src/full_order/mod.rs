@@ -78,7 +78,7 @@ pub(crate) fn state_feedbacks(plant: &StateSpace, controls: usize) -> Result<Vec
             (0..nw).for_each(|i| r[(i, i)] -= level * level);
             // [w; u] = −R⁻¹ (D₁ᵀ C₁ + Bᵀ X) x
             let both = linalg::solve(&r, &(d1.transpose() * c1 + plant.b.transpose() * x))?;
-            out.push(linalg::sub(&both, nw, 0, controls, plant.states()) * faer::Scale(-1.0));
+            out.push(linalg::sub(&both, nw, 0, controls, plant.states()) * -1.0);
         }
     }
     Ok(out)

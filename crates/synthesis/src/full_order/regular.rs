@@ -123,7 +123,7 @@ impl RegularProblem {
         let Some(outputs) = project_out(&d12, &d11)? else {
             return Ok(None);
         };
-        let Some(inputs) = project_out(&d21.transpose().to_owned(), &d11.transpose().to_owned())? else {
+        let Some(inputs) = project_out(&d21.transpose(), &d11.transpose())? else {
             return Ok(None);
         };
         // The rounding residue of the projection does not count.
@@ -157,7 +157,7 @@ impl RegularProblem {
             return Ok(false);
         };
         // Filtering: the same for the transposed plant.
-        let t = |m: &Matrix| m.transpose().to_owned();
+        let t = |m: &Matrix| m.transpose();
         let d1t = blocks(&[&[&t(&self.d11), &t(&self.d21)]]);
         let Some(y) = riccati(&t(&p.a), &t(&p.c), &t(&self.b1), &d1t, self.nz, level)? else {
             return Ok(false);

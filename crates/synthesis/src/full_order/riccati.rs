@@ -23,12 +23,20 @@ pub(super) fn riccati(
     }
     // H = [A 0; −C₁ᵀC₁ −Aᵀ] − [B; −C₁ᵀD₁] R⁻¹ [D₁ᵀC₁ Bᵀ]
     let dc = d1.transpose() * c1;
-    let bt = b.transpose().to_owned();
+    let bt = b.transpose();
     let right = linalg::solve(&r, &blocks(&[&[&dc, &bt]]))?;
-    let left = blocks(&[&[b], &[&(c1.transpose() * d1 * faer::Scale(-1.0))]]);
-    let q = c1.transpose() * c1 * faer::Scale(-1.0);
-    let minus_at = a.transpose().to_owned() * faer::Scale(-1.0);
-    let h = blocks(&[&[a, &Matrix::zeros(n, n)], &[&q, &minus_at]]) - left * right;
+    let left = blocks(&[&[b], &[&(c1.transpose() * d1 * -1.0)]]);
+    let q = c1.transpose() * c1 * -1.0;
+    let minus_at = a.transpose() * -1.0;
+    let mut h = blocks(&[&[a, &Matrix::zeros(n, n)], &[&q, &minus_at]]) - left * right;
+    // The lower left block is a difference of terms as large as C₁ᵀC₁. Where only rounding error is left of it, the cost can be
+    // reduced to zero, and the error would be magnified to a cost of either sign.
+    let rounding = 16.0 * f64::EPSILON * linalg::max_abs(&q);
+    for (i, j) in (n..2 * n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+        if h[(i, j)].abs() <= rounding {
+            h[(i, j)] = 0.0;
+        }
+    }
     // On the stable invariant subspace [I; X] the matrix sign of H is −1. The sign needs no eigenvectors, which are useless
     // here: banks of equal weights and delays give eigenvalues of high multiplicity.
     let (h, scale) = balance_hamiltonian(h);
@@ -41,7 +49,7 @@ pub(super) fn riccati(
         &[&(linalg::sub(&sign, 0, 0, n, n) + Matrix::identity(n, n))],
         &[&linalg::sub(&sign, n, 0, n, n)],
     ]);
-    let scaled = linalg::least_squares(&lhs, &(rhs * faer::Scale(-1.0)));
+    let scaled = linalg::least_squares(&lhs, &(rhs * -1.0));
     if linalg::check_finite(&scaled).is_err() {
         return Ok(None);
     }
@@ -100,7 +108,7 @@ fn matrix_sign(h: &Matrix) -> Option<Matrix> {
         } else {
             1.0
         };
-        let next = &z * faer::Scale(0.5 * factor) + inverse * faer::Scale(0.5 / factor);
+        let next = &z * (0.5 * factor) + inverse * (0.5 / factor);
         let change = frobenius(&(&next - &z));
         z = next;
         if change <= 1e-12 * frobenius(&z) {

@@ -72,7 +72,7 @@ pub(super) fn with_effort(plant: &StateSpace, controls: usize, epsilon: f64) -> 
 fn augmented(p: &StateSpace, controls: usize, measurements: usize, epsilon: f64) -> StateSpace {
     let n = p.states();
     let (nw, nz) = (p.inputs() - controls, p.outputs() - measurements);
-    let small = |size: usize| Matrix::identity(size, size) * faer::Scale(epsilon);
+    let small = |size: usize| Matrix::identity(size, size) * epsilon;
     let zero = Matrix::zeros;
     let part = |m: &Matrix, row, column, height, width| linalg::sub(m, row, column, height, width);
     // Inputs [w; state noise; measurement noise; u], outputs [z; states; controls; y].
@@ -117,15 +117,15 @@ fn disc(plant: &StateSpace, epsilon: f64) -> Option<StateSpace> {
     let n = plant.states();
     let speed = linalg::max_abs(&plant.a);
     let omega = if speed > 0.0 { speed } else { 1.0 };
-    let a = &plant.a * faer::Scale(1.0 / omega);
+    let a = &plant.a * (1.0 / omega);
     let eye = Matrix::identity(n, n);
-    let e = &eye - &a * faer::Scale(epsilon);
-    let rate = linalg::solve(&e, &(&a - &eye * faer::Scale(epsilon))).ok()?;
-    let b = linalg::solve(&e, &(&plant.b * faer::Scale(1.0 / omega))).ok()?;
+    let e = &eye - &a * epsilon;
+    let rate = linalg::solve(&e, &(&a - &eye * epsilon)).ok()?;
+    let b = linalg::solve(&e, &(&plant.b * (1.0 / omega))).ok()?;
     // (sI − A)⁻¹ = (ε I + (I + ε Ã)(p I − Ã)⁻¹) E⁻¹/ω
     Some(StateSpace {
-        c: &plant.c * (&eye + &rate * faer::Scale(epsilon)),
-        d: &plant.d + &plant.c * &b * faer::Scale(epsilon),
+        c: &plant.c * (&eye + &rate * epsilon),
+        d: &plant.d + &plant.c * &b * epsilon,
         a: rate,
         b,
     })
@@ -140,7 +140,7 @@ fn boundary(p: &StateSpace, controls: usize, measurements: usize) -> Result<f64,
     let n = p.states();
     let (nw, nz) = (p.inputs() - controls, p.outputs() - measurements);
     let part = |m: &Matrix, row, column, height, width| linalg::sub(m, row, column, height, width);
-    let t = |m: &Matrix| m.transpose().to_owned();
+    let t = |m: &Matrix| m.transpose();
     let (b1, b2) = (part(&p.b, 0, 0, n, nw), part(&p.b, 0, nw, n, controls));
     let (c1, c2) = (part(&p.c, 0, 0, nz, n), part(&p.c, nz, 0, measurements, n));
     let (d11, d12) = (part(&p.d, 0, 0, nz, nw), part(&p.d, 0, nw, nz, controls));
@@ -153,9 +153,9 @@ fn boundary(p: &StateSpace, controls: usize, measurements: usize) -> Result<f64,
     let b_l = &b1 + &l * &d21;
     // T₁₁ in state and estimation error.
     let t11 = StateSpace {
-        a: blocks(&[&[&a_f, &(&b2 * &f * faer::Scale(-1.0))], &[&Matrix::zeros(n, n), &a_l]]),
+        a: blocks(&[&[&a_f, &(&b2 * &f * -1.0)], &[&Matrix::zeros(n, n), &a_l]]),
         b: blocks(&[&[&b1], &[&b_l]]),
-        c: blocks(&[&[&c_f, &(&d12 * &f * faer::Scale(-1.0))]]),
+        c: blocks(&[&[&c_f, &(&d12 * &f * -1.0)]]),
         d: d11,
     };
     let t12 = StateSpace {
@@ -199,7 +199,7 @@ fn regulator(a: &Matrix, b: &Matrix) -> Result<Option<Matrix>, LinalgError> {
     let c1 = blocks(&[&[&Matrix::identity(n, n)], &[&Matrix::zeros(m, n)]]);
     let d1 = blocks(&[&[&Matrix::zeros(n, m)], &[&Matrix::identity(m, m)]]);
     let x = riccati(a, b, &c1, &d1, 0, 1.0)?;
-    Ok(x.map(|x| b.transpose() * x * faer::Scale(-1.0)))
+    Ok(x.map(|x| b.transpose() * x * -1.0))
 }
 
 /// Matrices with the zeros of `(a, b, c, d)` among their eigenvalues, where d has full column rank.

@@ -55,7 +55,7 @@ impl ScalingProblem<'_> {
             let mut rows = Matrix::zeros(width, n);
             let mut gradient = vec![0.0; n];
             for (k, p) in self.parameters.iter().enumerate() {
-                let column = rows.col_as_slice_mut(k);
+                let column = rows.column_mut(k);
                 let (head, mut tail) = column.split_at_mut(size * size);
                 gradient[k] -= write_hermitian(&certificate_terms(p, offsets[p.block], level, &left, &right), head);
                 for (barrier, w) in barriers.iter().zip(&barrier_factors) {
@@ -67,7 +67,7 @@ impl ScalingProblem<'_> {
                     }
                 }
             }
-            let mut hessian = rows.transpose() * &rows;
+            let mut hessian = rows.gram();
             // Every G for which G M is Hermitian has no effect (one always exists); a small ridge regularises those directions.
             let ridge = 1e-10 * (0..n).map(|k| hessian[(k, k)]).sum::<f64>() / n as f64;
             (0..n).for_each(|k| hessian[(k, k)] += ridge);
@@ -228,14 +228,13 @@ fn write_hermitian(terms: &[Dyad<'_>], out: &mut [f64]) -> f64 {
 }
 
 fn log_det(m: &CMatrix) -> Option<f64> {
-    let factor = m.llt(faer::Side::Lower).ok()?;
-    let l = factor.L();
-    let sum: f64 = (0..m.nrows()).map(|i| 2.0 * l[(i, i)].re.ln()).sum();
+    let l = linalg::factor(m)?;
+    let sum: f64 = (0..m.nrows()).map(|i| 2.0 * libm::log(l[(i, i)].re)).sum();
     sum.is_finite().then_some(sum)
 }
 
 /// `L⁻¹` for `m = L Lᴴ`.
 fn inverse_factor(m: &CMatrix) -> Option<CMatrix> {
-    let lower = m.llt(faer::Side::Lower).ok()?.L().to_owned();
-    Some(linalg::solve_complex(&lower, &CMatrix::identity(m.nrows(), m.nrows())))
+    let lower = linalg::factor(m)?;
+    Some(linalg::solve_lower(&lower, &CMatrix::identity(m.nrows(), m.nrows())))
 }

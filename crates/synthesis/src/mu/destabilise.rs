@@ -19,12 +19,9 @@ fn closed(m: &StateSpace, delta: &CMatrix, k: f64) -> (CMatrix, CMatrix, CMatrix
     let eye = |n: usize| CMatrix::identity(n, n);
     // A + B Δ (I − D Δ)⁻¹ C
     let left = linalg::solve_complex(&(eye(m.outputs()) - &d * &scaled), &c);
-    let right = linalg::solve_complex(
-        &(eye(m.inputs()) - &scaled * &d).transpose().to_owned(),
-        &b.transpose().to_owned(),
-    );
+    let right = linalg::solve_complex(&(eye(m.inputs()) - &scaled * &d).transpose(), &b.transpose());
     let a = linalg::to_complex(&m.a) + &b * (&scaled * &left);
-    (a, right.transpose().to_owned(), left)
+    (a, right.transpose(), left)
 }
 
 fn rightmost(m: &StateSpace, delta: &CMatrix, k: f64) -> Result<c64, LinalgError> {
@@ -47,7 +44,7 @@ fn crossing(m: &StateSpace, delta: &CMatrix, low: f64, high: f64) -> Result<Opti
         }
     }
     for i in 0..=steps {
-        let k = low * (high / low).powf(f64::from(i) / f64::from(steps));
+        let k = low * libm::pow(high / low, f64::from(i) / f64::from(steps));
         if rightmost(m, delta, k)?.re >= 0.0 {
             let mut above = k;
             for _ in 0..60 {
@@ -150,7 +147,7 @@ fn climb_abscissa(m: &StateSpace, structure: &Structure, delta: &mut CMatrix, k:
             return Ok(());
         };
         let unit = CMatrix::from_fn(n, 1, |i, _| c64::new(f64::from(u8::from(i == at)), 0.0));
-        let left = linalg::solve_complex(&right.transpose().to_owned(), &unit);
+        let left = linalg::solve_complex(&right.transpose(), &unit);
         let row: Vec<c64> = (0..b.ncols())
             .map(|j| (0..n).map(|i| left[(i, 0)] * b[(i, j)]).sum())
             .collect();

@@ -166,9 +166,7 @@ fn valid_interval(m: &StateSpace, s: &Scalings, level: f64, omega: f64) -> Resul
         (false, false) => lower_right[(i - n, k - n)],
     });
     let h = balance::balanced_complex(&h);
-    let size = (0..2 * n)
-        .flat_map(|i| (0..2 * n).map(move |k| (i, k)))
-        .fold(0.0f64, |x, (i, k)| x.max(h[(i, k)].norm()));
+    let size = linalg::max_abs(&h);
     let (mut low, mut high) = (0.0f64, f64::INFINITY);
     for l in linalg::eigenvalues_complex(&h)? {
         if l.re.abs() > 1e-5 * l.im.abs() + 1e-8 * size {
@@ -190,8 +188,8 @@ fn verified_end(m: &StateSpace, s: &Scalings, level: f64, omega: f64, end: f64) 
     let fractions = [0.1, 0.3, 0.5, 0.7, 0.9, 1.0 - 1e-6];
     let points = fractions.map(|part| match (omega.is_finite(), end.is_finite()) {
         (true, true) => omega + part * (end - omega),
-        (true, false) => omega.max(1e-3) * 1e6f64.powf(part),
-        (false, _) => end.max(1e-3) * 1e6f64.powf(1.0 - part),
+        (true, false) => omega.max(1e-3) * libm::pow(1e6, part),
+        (false, _) => end.max(1e-3) * libm::pow(1e6, 1.0 - part),
     });
     let mut last = omega;
     for point in points {
@@ -228,18 +226,18 @@ mod tests {
         ];
         let share = square(&e[0]) + square(&e[1]);
         // The nominal mass is ten times the uncertain shares plus a small remainder.
-        let mass = &share * faer::Scale(10.0) + Matrix::identity(n, n) * faer::Scale(0.1);
+        let mass = &share * 10.0 + Matrix::identity(n, n) * 0.1;
         let gain = diagonal(&k);
         let delay = append(&vec![pade(0.025, 3).unwrap(); n]);
         let inverse = linalg::inverse(&mass).unwrap();
         // u = −K v, f = C x + D u; v̇ = M⁻¹ (f + E w), w = −δ z, z = Eᵀ v̇
         let u = Matrix::from_fn(n, n + delay.states(), |i, j| if j < n { -gain[(i, j)] } else { 0.0 });
         let mut force = &delay.d * &u;
-        put(&mut force, 0, n, delay.c.as_ref());
+        put(&mut force, 0, n, &delay.c);
         let mut waiting = &delay.b * &u;
-        put(&mut waiting, 0, n, delay.a.as_ref());
+        put(&mut waiting, 0, n, &delay.a);
         let e = linalg::blocks(&[&[&e[0], &e[1]]]);
-        let entering = &inverse * &e * faer::Scale(-1.0);
+        let entering = &inverse * &e * -1.0;
         let loop_ = StateSpace {
             a: linalg::blocks(&[&[&(&inverse * &force)], &[&waiting]]),
             b: linalg::blocks(&[&[&entering], &[&Matrix::zeros(delay.states(), e.ncols())]]),
@@ -249,7 +247,7 @@ mod tests {
         // The worst perturbation of a given size makes all masses equally light: bisection on the size until λ reaches the crossover.
         let phase_crosses = bisect(30.0, 100.0, |w| pade(0.025, 3).unwrap().at(w)[(0, 0)].re < 0.0);
         let fastest = |size: f64| {
-            let lighter = &mass - &share * faer::Scale(size);
+            let lighter = &mass - &share * size;
             let values = linalg::eigenvalues(&(linalg::inverse(&lighter).unwrap() * &gain)).unwrap();
             values.iter().map(|l| l.re).fold(0.0, f64::max)
         };

@@ -98,7 +98,7 @@ fn ascent_direction(
         return Ok(None);
     };
     let unit = CMatrix::from_fn(n, 1, |i, _| c64::new(f64::from(u8::from(i == at)), 0.0));
-    let left = linalg::solve_complex(&right.transpose().to_owned(), &unit);
+    let left = linalg::solve_complex(&right.transpose(), &unit);
     // dλ = yᵀ M dΔ x with yᵀ x = 1.
     let row: Vec<c64> = (0..m.ncols())
         .map(|j| (0..n).map(|i| left[(i, 0)] * m[(i, j)]).sum())

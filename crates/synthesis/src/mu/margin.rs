@@ -130,7 +130,7 @@ fn frequency_grid(poles: &[c64], points: u32) -> Vec<f64> {
     };
     let (low, high) = (low.max(1e-6 * high) / 10.0, high * 10.0);
     let mut grid: Vec<f64> = (0..points)
-        .map(|i| low * (high / low).powf(f64::from(i) / f64::from(points - 1)))
+        .map(|i| low * libm::pow(high / low, f64::from(i) / f64::from(points - 1)))
         .collect();
     // When few points are requested, the many equal poles of the weights need not all be visited either.
     let stride = if points < 40 { 1 + guesses.len() / 12 } else { 1 };

@@ -202,16 +202,12 @@ impl<'a> ScalingProblem<'a> {
         let s = self.scalings(x);
         let image = self.image(&s);
         // Generalised eigenvalue: with D = L Lᴴ, the largest eigenvalue of L⁻¹ image L⁻ᴴ.
-        let l = s
-            .d_right
-            .llt(faer::Side::Lower)
-            .map_err(|_| LinalgError::NotPositiveDefinite {
-                size: image.nrows(),
-                least: 0.0,
-            })?;
-        let lower = l.L().to_owned();
-        let half = linalg::solve_complex(&lower, &image);
-        let both = linalg::solve_complex(&lower, &linalg::adjoint(&half));
+        let lower = linalg::factor(&s.d_right).ok_or(LinalgError::NotPositiveDefinite {
+            size: image.nrows(),
+            least: 0.0,
+        })?;
+        let half = linalg::solve_lower(&lower, &image);
+        let both = linalg::solve_lower(&lower, &linalg::adjoint(&half));
         Ok(*linalg::hermitian_eigen(&both)?.0.last().unwrap_or(&0.0))
     }
 

@@ -52,8 +52,8 @@ fn close(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
     // u = −K_P v + K_I x_i, ẋ_i = −v, f = C_a x_a + D_a u, v̇ = A v + B (f + w)
     let states = nv + na + ni;
     let mut u = Matrix::zeros(n, states);
-    linalg::put(&mut u, 0, 0, (&kp * &measured * faer::Scale(-1.0)).as_ref());
-    linalg::put(&mut u, 0, nv + na, ki.as_ref());
+    linalg::put(&mut u, 0, 0, &(&kp * &measured * -1.0));
+    linalg::put(&mut u, 0, nv + na, &ki);
     let mut force = &act.d * &u;
     for i in 0..n {
         for j in 0..na {
@@ -67,19 +67,19 @@ fn close(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
             acceleration[(i, j)] += body.a[(i, j)];
         }
     }
-    linalg::put(&mut a, 0, 0, acceleration.as_ref());
+    linalg::put(&mut a, 0, 0, &acceleration);
     let mut actuator = &act.b * &u;
     for i in 0..na {
         for j in 0..na {
             actuator[(i, nv + j)] += act.a[(i, j)];
         }
     }
-    linalg::put(&mut a, nv, 0, actuator.as_ref());
+    linalg::put(&mut a, nv, 0, &actuator);
     if ni > 0 {
-        linalg::put(&mut a, nv + na, 0, (&measured * faer::Scale(-1.0)).as_ref());
+        linalg::put(&mut a, nv + na, 0, &(&measured * -1.0));
     }
     let mut b = Matrix::zeros(states, n);
-    linalg::put(&mut b, 0, 0, body.b.as_ref());
+    linalg::put(&mut b, 0, 0, &body.b);
     let c = linalg::blocks(&[&[&acceleration], &[&force]]);
     let d = linalg::blocks(&[&[&body.b], &[&Matrix::zeros(n, n)]]);
     Ok(Loop {
@@ -152,7 +152,7 @@ pub fn parametric_loop(
     for slope in robot.mass_slopes(model)? {
         // (M + Σ δ_k S_k) v̇ = f with S_k = E Eᵀ of low rank: w = −δ z, z = Eᵀ v̇, v̇ = M⁻¹ (f + E w).
         let (values, vectors) =
-            linalg::symmetric_eigen(&(slope * faer::Scale(spec.uncertainty.parametric))).map_err(RobotError::from)?;
+            linalg::symmetric_eigen(&(slope * spec.uncertainty.parametric)).map_err(RobotError::from)?;
         let largest = values.iter().fold(0.0f64, |x, v| x.max(v.abs()));
         let kept: Vec<usize> = (0..n).filter(|&i| values[i] > 1e-9 * largest).collect();
         factors.push(Matrix::from_fn(n, kept.len(), |i, j| {
@@ -164,9 +164,9 @@ pub fn parametric_loop(
     let acceleration = closed.system.select(0..n, 0..n);
     let system = StateSpace {
         a: acceleration.a.clone(),
-        b: &acceleration.b * &e * faer::Scale(-1.0),
+        b: &acceleration.b * &e * -1.0,
         c: e.transpose() * &acceleration.c,
-        d: e.transpose() * &acceleration.d * &e * faer::Scale(-1.0),
+        d: e.transpose() * &acceleration.d * &e * -1.0,
     };
     Ok((system, Structure::new(blocks)?))
 }

@@ -66,8 +66,8 @@ impl Tick {
         let states = nv + lagged.len();
         // [ẋ; 0] = [A B; 0 0] [x; u]: its exponential holds both the transition and the input matrix (van Loan 1978).
         let mut a = Matrix::zeros(states + n, states + n);
-        linalg::put(&mut a, 0, 0, body.a.as_ref());
-        linalg::put(&mut a, 0, states, body.b.as_ref());
+        linalg::put(&mut a, 0, 0, &body.a);
+        linalg::put(&mut a, 0, states, &body.b);
         for (k, &channel) in lagged.iter().enumerate() {
             // The force is the lag's output, and no longer the command.
             for i in 0..nv {
@@ -77,7 +77,7 @@ impl Tick {
             a[(nv + k, nv + k)] = -1.0 / lag(channel);
             a[(nv + k, states + channel)] = 1.0 / lag(channel);
         }
-        let e = linalg::expm(&(a * faer::Scale(timing.tick_s)))?;
+        let e = linalg::expm(&(a * timing.tick_s))?;
         Ok(Self {
             transition: linalg::sub(&e, 0, 0, states, states),
             input: linalg::sub(&e, 0, states, states, n),
@@ -110,8 +110,8 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, a
     let store_reading = |x: &mut Matrix| {
         if readings_in_transit > 0 {
             let (kept, now) = (rows(x, at_y, n * (readings_in_transit - 1)), rows(x, 0, n));
-            linalg::put(x, at_y + n, 0, kept.as_ref());
-            linalg::put(x, at_y, 0, now.as_ref());
+            linalg::put(x, at_y + n, 0, &kept);
+            linalg::put(x, at_y, 0, &now);
         }
     };
     let mut commands = Vec::new();
@@ -122,12 +122,12 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, a
             } else {
                 rows(&x, at_y + n * (readings_in_transit - 1), n)
             };
-            let mut command = kp * &reading * faer::Scale(-1.0);
+            let mut command = kp * &reading * -1.0;
             if integrators > 0 {
                 // c = σ + T y with y = −v; u gains K_I c, and σ becomes c.
-                let sigma = rows(&x, at_i, n) - &reading * faer::Scale(period as f64);
+                let sigma = rows(&x, at_i, n) - &reading * (period as f64);
                 command += ki * &sigma;
-                linalg::put(&mut x, at_i, 0, sigma.as_ref());
+                linalg::put(&mut x, at_i, 0, &sigma);
             }
             commands.push(command);
             commands.extend((0..commands_in_transit).map(|k| rows(&x, at_u + n * k, n)));
@@ -137,10 +137,10 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, a
         }
         let applied = &commands[if tick < switch_tick { due + 1 } else { due }];
         let next = &t.transition * rows(&x, 0, s) + &t.input * applied;
-        linalg::put(&mut x, 0, 0, next.as_ref());
+        linalg::put(&mut x, 0, 0, &next);
     }
     for (k, command) in commands.iter().take(commands_in_transit).enumerate() {
-        linalg::put(&mut x, at_u + n * k, 0, command.as_ref());
+        linalg::put(&mut x, at_u + n * k, 0, command);
     }
     x
 }
@@ -187,7 +187,7 @@ impl SampledLoop {
             tick: Tick::new(timing, body)?,
             kp: kp.clone(),
             // The integrator's state is the sum of errors per tick: K_I is multiplied by the tick.
-            ki: ki * faer::Scale(timing.tick_s),
+            ki: ki * timing.tick_s,
             period: ratio.round() as usize,
             sensor: ticks(timing.sensor_delay_s, timing.tick_s),
             actuator: ticks(timing.command_delay_s, timing.tick_s),
@@ -205,7 +205,7 @@ impl SampledLoop {
     }
 
     fn radius_with_extra_ticks(&self, factor: f64, extra: usize) -> Result<f64, RobotError> {
-        let by = faer::Scale(factor);
+        let by = factor;
         radius(&monodromy(
             &self.tick,
             &(&self.kp * by),

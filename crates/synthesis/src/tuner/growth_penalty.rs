@@ -41,5 +41,5 @@ pub(super) fn penalty(problem: &ValidatedProblem, x: &[f64], rate: f64) -> Optio
         }
     }
     gradient.iter_mut().for_each(|g| *g *= rate / sum);
-    Some((0.5 * rate * sum.ln(), gradient))
+    Some((0.5 * rate * libm::log(sum), gradient))
 }

@@ -23,7 +23,7 @@ impl Piece {
     /// The same piece of the logarithm of the objective.
     pub(crate) fn logarithm(&self) -> Self {
         Self {
-            value: self.value.ln(),
+            value: libm::log(self.value),
             gradient: self.gradient.iter().map(|g| g / self.value).collect(),
         }
     }
@@ -182,8 +182,8 @@ impl<'a> Objective<'a> {
             .unwrap_or(0);
         // Row `at` of the inverse of the eigenvector matrix is the left eigenvector with yᴴ x = 1.
         let unit = CMatrix::from_fn(n, 1, |i, _| c64::new(f64::from(u8::from(i == at)), 0.0));
-        let left = linalg::solve_complex(&right.transpose().to_owned(), &unit);
-        let row = linalg::to_complex(&closed.b_u.transpose().to_owned()) * &left;
+        let left = linalg::solve_complex(&right.transpose(), &unit);
+        let row = linalg::to_complex(&closed.b_u.transpose()) * &left;
         let column = linalg::to_complex(&closed.c_y) * CMatrix::from_fn(n, 1, |i, _| right[(i, at)]);
         let mut in_k = Matrix::from_fn(row.nrows(), column.nrows(), |i, j| (row[(i, 0)] * column[(j, 0)]).re);
         if linalg::check_finite(&in_k).is_err() {
@@ -395,8 +395,8 @@ impl<'a> Objective<'a> {
             (CMatrix::zeros(n, nw), CMatrix::zeros(nz, n))
         } else {
             let pencil = shifted(&s.a, c64::new(0.0, omega));
-            let co = linalg::solve_complex(&pencil.transpose().to_owned(), &c.transpose().to_owned());
-            (linalg::solve_complex(&pencil, &b), co.transpose().to_owned())
+            let co = linalg::solve_complex(&pencil.transpose(), &c.transpose());
+            (linalg::solve_complex(&pencil, &b), co.transpose())
         };
         let t = &c * &states + d;
         let (u, sigma, v) = linalg::svd(&t)?;
@@ -444,7 +444,7 @@ fn local_peaks(g: &StateSpace, top: ChannelNorm, floor: f64) -> Result<Vec<f64>,
     edges.dedup_by(|a, b| (*a - *b).abs() <= 1e-6 * b.abs());
     for pair in edges.windows(2) {
         let (low, high) = (pair[0].max(1e-3 * pair[1]), pair[1]);
-        let at = |i: usize| low * (high / low).powf(i as f64 / (POINTS + 1) as f64);
+        let at = |i: usize| low * libm::pow(high / low, i as f64 / (POINTS + 1) as f64);
         let gains = (1..=POINTS)
             .map(|i| norm::gain_at(g, at(i)))
             .collect::<Result<Vec<_>, _>>()?;

@@ -82,7 +82,7 @@ impl Search<'_> {
                     return Ok((f64::INFINITY, Vec::new()));
                 };
                 // A trial point far away may overflow; it is rejected.
-                Ok(match objective.norm(x, (ceiling - penalty.0).exp()) {
+                Ok(match objective.norm(x, libm::exp(ceiling - penalty.0)) {
                     Ok((value, _)) if value.gamma.is_infinite() => (f64::INFINITY, Vec::new()),
                     Ok((value, gradient)) => penalised(value.gamma, &gradient, &penalty),
                     Err(_) => (f64::INFINITY, Vec::new()),
@@ -136,7 +136,7 @@ impl Search<'_> {
     /// Reports the logarithm of a norm after each step of a phase, and stores in `running` whether the search continues.
     fn progress_reporter<'b>(&'b self, phase: Phase, running: &'b Cell<bool>) -> impl FnMut(&[f64], f64) -> bool + 'b {
         move |_: &[f64], value: f64| {
-            let value = value.exp();
+            let value = libm::exp(value);
             running.set((self.report)(TuningProgress {
                 start: self.index,
                 phase,
@@ -204,7 +204,7 @@ fn penalised(gamma: f64, gradient: &[f64], (penalty, slope): &(f64, Vec<f64>)) -
     let factor = if gamma > 0.0 { 1.0 / gamma } else { 0.0 };
     let own = |(i, s): (usize, &f64)| s + factor * gradient.get(i).copied().unwrap_or(0.0);
     (
-        gamma.max(f64::MIN_POSITIVE).ln() + penalty,
+        libm::log(gamma.max(f64::MIN_POSITIVE)) + penalty,
         slope.iter().enumerate().map(own).collect(),
     )
 }

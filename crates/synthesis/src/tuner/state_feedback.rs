@@ -42,7 +42,7 @@ pub(super) fn start(checked: &ValidatedProblem) -> Result<Option<Vec<f64>>, Lina
     if linalg::reciprocal_condition(&gram)? < 1e-12 {
         return Ok(None);
     }
-    let to_state = linalg::solve(&gram, &measured.transpose().to_owned())?;
+    let to_state = linalg::solve(&gram, &measured.transpose())?;
     // The plant of this channel alone.
     let mut plant = p.select(channel.outputs.clone(), 0..p.inputs());
     plant = {
@@ -68,7 +68,7 @@ pub(super) fn start(checked: &ValidatedProblem) -> Result<Option<Vec<f64>>, Lina
         let Ok((value, _)) = objective.norm(&x, f64::INFINITY) else {
             continue;
         };
-        let total = value.gamma.ln() + penalty;
+        let total = libm::log(value.gamma) + penalty;
         if value.gamma.is_finite() && best.as_ref().is_none_or(|b| total < b.0) {
             best = Some((total, x));
         }

@@ -189,8 +189,8 @@ fn refine_peaks(
     let mut grid = guesses.clone();
     if let (Some(low), Some(high)) = (guesses.iter().find(|w| **w > 0.0), guesses.last()) {
         let (low, high) = (1e-2 * low, 1e2 * high);
-        let steps = (PER_DECADE * (high / low).log10()).ceil();
-        grid.extend((0..=steps as usize).map(|i| low * (high / low).powf(i as f64 / steps)));
+        let steps = (PER_DECADE * libm::log10(high / low)).ceil();
+        grid.extend((0..=steps as usize).map(|i| low * libm::pow(high / low, i as f64 / steps)));
     }
     grid.extend((found.omega > 0.0 && found.omega.is_finite()).then_some(found.omega));
     grid.sort_by(f64::total_cmp);
