@@ -99,6 +99,36 @@ fn companion_matrix_has_roots_of_polynomial() {
     assert_eq!(found, [c64::new(0.0, 2.0), c64::new(0.0, -2.0)]);
 }
 
+/// A subdiagonal entry that is small, but not beside what it multiplies: powers of the eigenvalues sum up to traces of powers.
+#[test]
+fn small_subdiagonal_entry_is_not_neglected() {
+    for (seed, small) in (0..40).flat_map(|seed| [1e-4, 1e-6, 1e-7, 1e-8].map(|small| (seed, small))) {
+        let n = 9;
+        let random = matrix(n, n, seed);
+        let m = Matrix::from_fn(n, n, |i, j| match (i, j) {
+            (4, 3) => small,
+            _ if i > j + 1 => 0.0,
+            _ => random[(i, j)],
+        });
+        let (mut power, mut complex) = (m.clone(), eigenvalues_complex(&to_complex(&m)).unwrap());
+        let mut real = eigenvalues(&m).unwrap();
+        let (first, other) = (real.clone(), complex.clone());
+        for exponent in 1..=4 {
+            let trace: f64 = (0..n).map(|i| power[(i, i)]).sum();
+            for values in [&real, &complex] {
+                let sum: c64 = values.iter().sum();
+                assert!(
+                    (sum - trace).norm() < 1e-12,
+                    "seed {seed}, {small}, power {exponent}: {sum}, {trace}"
+                );
+            }
+            power = &power * &m;
+            real.iter_mut().zip(&first).for_each(|(x, one)| *x *= one);
+            complex.iter_mut().zip(&other).for_each(|(x, one)| *x *= one);
+        }
+    }
+}
+
 #[test]
 fn rotation_and_scaling_blocks_keep_exact_eigenvalues() {
     // Diagonal and block-diagonal matrices, of entries that differ by many orders of magnitude.
