@@ -32,4 +32,4 @@ pub use catalogue::{Catalogue, Finding};
 pub use report::{scene, view};
 
 pub use observer::{Answer, Event, Interrupt, Observer, Progress, Silent};
-pub use text::check_title;
+pub use text::{check_title, three_digits};

@@ -1,4 +1,4 @@
-//! Text from other programs in messages.
+//! Text in messages: that of other programs, titles, and numbers.
 
 use lockstep::name::escape_controls;
 
@@ -20,6 +20,22 @@ pub fn check_title(title: &str) -> Result<(), String> {
             "{title:?} has the control character {bad:?}: write one line without control characters"
         )),
         None => Ok(()),
+    }
+}
+
+/// A number with three significant digits.
+pub fn three_digits(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        "0".to_owned()
+    } else if !(1e-3..1e5).contains(&size) {
+        format!("{value:.2e}")
+    } else {
+        let digits = [1000.0, 100.0, 10.0, 1.0, 0.1, 0.01]
+            .iter()
+            .position(|step| size >= *step);
+        let decimals = digits.map_or(5, |digits| digits.saturating_sub(1));
+        format!("{value:.decimals$}")
     }
 }
 

@@ -228,11 +228,11 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
             .flatten()
             .filter_map(|result| campaign::figure_value(result, &figure.key));
         if let Some([least, median, most, greatest]) = campaign::quantiles(values) {
-            let [least, median, most, greatest] = [least, median, most, greatest].map(campaign::short);
+            let [least, median, most, greatest] = [least, median, most, greatest].map(engine::three_digits);
             println!(
                 "  {}: {least} to {greatest}{}, median {median}, 95 % up to {most}",
                 figure.words(),
-                engine::assessment::behind(&figure.unit)
+                engine::assessment::unit_suffix(&figure.unit)
             );
         }
     }

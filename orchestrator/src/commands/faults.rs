@@ -134,7 +134,7 @@ fn table(campaign: &Campaign, finished: &Finished, markdown: bool) -> String {
         let own = result.as_ref().and_then(|result| result.figures.as_ref());
         for (number, _) in criteria.iter().enumerate() {
             let value = own.and_then(|figures| figures.criteria.get(number)?.value);
-            line.push(value.map_or(String::new(), campaign::short));
+            line.push(value.map_or(String::new(), engine::three_digits));
         }
         if own.is_none() {
             line.extend(result.as_ref().and_then(|result| result.reason.clone()));

@@ -1,6 +1,7 @@
 //! Figures of a run.
 
-use engine::assessment::{Criterion, Figures, Measured, short};
+use engine::assessment::{Criterion, Figures, Measured};
+use engine::three_digits;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -117,7 +118,7 @@ impl Summary {
             ),
             ("missing energy", self.energy_residual_j, "J"),
         ];
-        let line = |(name, value, unit)| format!("       {name:<28} {} {unit}", short(value));
+        let line = |(name, value, unit)| format!("       {name:<28} {} {unit}", three_digits(value));
         lines.map(line).into()
     }
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::text::three_digits;
+
 /// A figure with a limit.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Criterion {
@@ -30,11 +32,11 @@ pub struct Criterion {
 impl Criterion {
     /// `at most 5.00 mm`, `at least 2`, `from 1.00 to 2.00 N`
     pub fn limits(&self) -> String {
-        let unit = behind(&self.unit);
+        let unit = unit_suffix(&self.unit);
         match (self.at_least, self.limit) {
-            (Some(least), Some(most)) => format!("from {} to {}{unit}", short(least), short(most)),
-            (Some(least), None) => format!("at least {}{unit}", short(least)),
-            (None, Some(most)) => format!("at most {}{unit}", short(most)),
+            (Some(least), Some(most)) => format!("from {} to {}{unit}", three_digits(least), three_digits(most)),
+            (Some(least), None) => format!("at least {}{unit}", three_digits(least)),
+            (None, Some(most)) => format!("at most {}{unit}", three_digits(most)),
             (None, None) => String::new(),
         }
     }
@@ -49,14 +51,18 @@ impl Criterion {
             _ => return None,
         };
         let when = self.t_s.map_or(String::new(), |t_s| format!(" at t = {t_s} s"));
-        Some(format!("{}{} too {word}{when}", short(by), behind(&self.unit)))
+        Some(format!(
+            "{}{} too {word}{when}",
+            three_digits(by),
+            unit_suffix(&self.unit)
+        ))
     }
 
     /// A line of text: the figure, the limit, and by how much and when it is missed.
     pub fn line(&self) -> String {
         let mark = if self.met { "ok  " } else { "FAIL" };
         let value = match (self.value, &self.reason) {
-            (Some(value), _) => format!("{}{}", short(value), behind(&self.unit)),
+            (Some(value), _) => format!("{}{}", three_digits(value), unit_suffix(&self.unit)),
             (None, Some(reason)) => format!("not measured: {reason}"),
             (None, None) => "not measured".to_owned(),
         };
@@ -67,26 +73,10 @@ impl Criterion {
 }
 
 /// A unit after a number: empty for a pure number.
-pub fn behind(unit: &str) -> String {
+pub fn unit_suffix(unit: &str) -> String {
     if unit == "1" || unit.is_empty() {
         String::new()
     } else {
         format!(" {unit}")
-    }
-}
-
-/// Three significant digits.
-pub fn short(value: f64) -> String {
-    let size = value.abs();
-    if size == 0.0 {
-        "0".to_owned()
-    } else if !(1e-3..1e5).contains(&size) {
-        format!("{value:.2e}")
-    } else {
-        let digits = [1000.0, 100.0, 10.0, 1.0, 0.1, 0.01]
-            .iter()
-            .position(|step| size >= *step);
-        let decimals = digits.map_or(5, |digits| digits.saturating_sub(1));
-        format!("{value:.decimals$}")
     }
 }

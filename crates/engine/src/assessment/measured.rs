@@ -2,7 +2,8 @@
 
 use serde_json::{Map, Value, json};
 
-use super::criterion::{Criterion, behind, short};
+use super::criterion::{Criterion, unit_suffix};
+use crate::text::three_digits;
 
 /// A declared figure.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,7 +42,7 @@ impl Measured {
         if let Some(criterion) = &self.criterion {
             return criterion.line();
         }
-        let one = |value: &Value| value.as_f64().map_or("not measured".to_owned(), short);
+        let one = |value: &Value| value.as_f64().map_or("not measured".to_owned(), three_digits);
         let values = match &self.value {
             Value::Array(all) => format!("[{}]", all.iter().map(one).collect::<Vec<_>>().join(", ")),
             value => one(value),
@@ -49,7 +50,7 @@ impl Measured {
         let unit = if self.value.is_null() {
             String::new()
         } else {
-            behind(&self.unit)
+            unit_suffix(&self.unit)
         };
         let when = self
             .t_s

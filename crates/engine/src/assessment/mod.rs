@@ -6,7 +6,7 @@ mod measured;
 
 use serde_json::{Map, Value};
 
-pub use criterion::{Criterion, behind, short};
+pub use criterion::{Criterion, unit_suffix};
 pub use fields::{Numbers, stream};
 pub use measured::Measured;
 

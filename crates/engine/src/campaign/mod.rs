@@ -42,7 +42,7 @@ pub use folder::identity::Identity;
 pub use folder::keep::Keep;
 pub use folder::recall::StoredPoint;
 pub use folder::status::{Part, State, parts, unassigned_points};
-pub use folder::table::{figure_of, figure_value, sheet, short};
+pub use folder::table::{figure_of, figure_value, sheet};
 pub use grid::{Axis, GridError, grid, range_of_seeds};
 pub use options::Options;
 pub use picture::content::Picture;

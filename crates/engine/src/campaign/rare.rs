@@ -69,7 +69,7 @@ impl Rare {
             (None, []) => Err("the scenario has no criterion that could be missed: give a measure a limit".to_owned()),
             (None, [one]) => Ok(one.clone()),
             (None, _) => Err(format!(
-                "which criterion is to be missed is not said: write criterion = \"…\" in [subset], one of {}",
+                "the scenario has several criteria: write which one is to be missed, criterion = \"…\" in [subset], one of {}",
                 names.join(", ")
             )),
             (Some(name), _) => known.iter().find(|one| one.name == *name).cloned().ok_or_else(|| {

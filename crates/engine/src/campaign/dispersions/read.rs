@@ -421,13 +421,13 @@ fn formula(keys: &mut KeyReader<'_>, context: &Context<'_>) -> Option<ValueSourc
         Ok((per_si, wanted)) if wanted == dimension => Some(ValueSource::Formula(formula, per_si)),
         Ok((_, wanted)) => {
             let named = if unit.is_empty() {
-                "no unit".to_owned()
+                "no `unit` is given".to_owned()
             } else {
-                format!("the unit {unit} ({wanted})")
+                format!("`unit` is {unit} ({wanted})")
             };
             keys.refuse(
                 "formula",
-                format!("has the dimension {dimension}, but {named} is said: correct it or `unit`"),
+                format!("has the dimension {dimension}, but {named}: correct one of them"),
             );
             None
         }

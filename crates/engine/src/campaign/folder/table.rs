@@ -83,16 +83,3 @@ pub fn figure_of(name: &str, known: &[Number]) -> Result<Number, CampaignError> 
 pub fn figure_value(result: &PointResult, key: &str) -> Option<f64> {
     result.figures.as_ref()?.value(key)
 }
-
-/// Three significant digits.
-pub fn short(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    let power = value.abs().log10().floor() as i32;
-    if (-3..=5).contains(&power) {
-        format!("{value:.*}", usize::try_from(2 - power).unwrap_or(0))
-    } else {
-        format!("{value:.2e}")
-    }
-}

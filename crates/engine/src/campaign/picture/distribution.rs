@@ -6,7 +6,7 @@ use super::content::Picture;
 use crate::campaign::figure_value;
 use crate::campaign::figures::{Figures, Number};
 use crate::campaign::good_word;
-use crate::campaign::short;
+use crate::text::three_digits;
 
 /// Maximum number of marks of a curve.
 const MARKS_MAX: usize = 60;
@@ -99,7 +99,7 @@ fn limit_fraction_curves<'a, I: Iterator<Item = &'a Figures>>(with: impl Fn() ->
         });
         let name = criterion.name.replace('_', " ");
         curves.extend(curve(
-            format!("{name} (limit {} {})", short(limit), criterion.unit),
+            format!("{name} (limit {} {})", three_digits(limit), criterion.unit),
             parts,
         ));
     }

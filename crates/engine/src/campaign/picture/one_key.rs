@@ -6,9 +6,9 @@ use super::content::{Picture, PlotPosition, axis_label, index_by_value};
 use crate::campaign::Column;
 use crate::campaign::figure_value;
 use crate::campaign::figures::Figures;
-use crate::campaign::short;
 use crate::campaign::summary::distinct;
 use crate::campaign::workers::point::Result as PointResult;
+use crate::text::three_digits;
 
 /// The positions of a picture along its only axis.
 struct KeyAxis<'a> {
@@ -135,7 +135,7 @@ impl<'a> KeyAxis<'a> {
                     .chain(criterion.at_least)
                     .map(|limit| Limit {
                         value: limit * own / value,
-                        name: format!("limit {} {}", short(limit), criterion.unit),
+                        name: format!("limit {} {}", three_digits(limit), criterion.unit),
                     }),
             );
         }
@@ -154,7 +154,7 @@ impl<'a> KeyAxis<'a> {
                 continue;
             };
             let name = criterion.name.replace('_', " ");
-            let name = format!("{name} (limit {} {})", short(limit), criterion.unit);
+            let name = format!("{name} (limit {} {})", three_digits(limit), criterion.unit);
             curves.push(self.curve(&name, &|result| {
                 let judged = &result.figures.as_ref()?.criteria;
                 let own = judged.iter().find(|own| own.name == criterion.name)?;

@@ -5,9 +5,9 @@ use report::figures::{Drawing, Map, MapCell, Shade};
 use super::content::{Picture, PlotPosition, axis_label, index_by_value};
 use crate::campaign::Column;
 use crate::campaign::figure_value;
-use crate::campaign::short;
 use crate::campaign::summary::distinct;
 use crate::campaign::workers::point::Result as PointResult;
+use crate::text::three_digits;
 
 /// Each position in the colour of the outcome of its points.
 pub(crate) fn map_over_two_keys(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
@@ -51,7 +51,7 @@ pub(crate) fn map_over_two_keys(picture: &Picture<'_>, x: &Column, y: &Column) -
                 let good = position.results.iter().flatten().filter(|result| result.outcome.good());
                 format!("{}/{}", good.count(), position.results.len())
             }
-            (_, Some(worst)) => short(*worst),
+            (_, Some(worst)) => three_digits(*worst),
             (_, None) => String::new(),
         },
     });
@@ -59,8 +59,14 @@ pub(crate) fn map_over_two_keys(picture: &Picture<'_>, x: &Column, y: &Column) -
     let shown = picture.figure.map(|figure| (figure.words(), figure.unit.as_str()));
     match &shown {
         Some((name, unit)) if !values.is_empty() => {
-            legend.push((Some(Shade::Good(0.0)), format!("{word}, {name} {} {unit}", short(low))));
-            legend.push((Some(Shade::Good(1.0)), format!("{word}, {name} {} {unit}", short(high))));
+            legend.push((
+                Some(Shade::Good(0.0)),
+                format!("{word}, {name} {} {unit}", three_digits(low)),
+            ));
+            legend.push((
+                Some(Shade::Good(1.0)),
+                format!("{word}, {name} {} {unit}", three_digits(high)),
+            ));
         }
         _ => legend.push((Some(Shade::Good(0.0)), word.to_owned())),
     }
