@@ -8,7 +8,7 @@ use lockstep::plan::Plan;
 use lockstep::span::{Detail, Span};
 use lockstep::time::Ticks;
 use lockstep::transport::TransportError;
-use lockstep::transport::iceoryx::{Domain, PendingRequest, Recorded, WaitReason};
+use lockstep::transport::iceoryx::{Domain, PendingRequest, Recorded, WaitReason, WakeNotifier};
 
 use super::child::ParticipantProcess;
 use super::descriptions;
@@ -218,6 +218,7 @@ impl ParticipantHandle {
 /// A request under way, with what is monitored until the reply comes.
 struct MonitoredRequest<'a> {
     request: PendingRequest<'a>,
+    notifier: &'a WakeNotifier,
     process: &'a mut ParticipantProcess,
     reply_timeout: Duration,
     timeout: Timeout,
@@ -232,8 +233,9 @@ impl MonitoredRequest<'_> {
     /// When no usable reply will come.
     fn poll(&mut self, monitor: &Monitor, other_failed: bool) -> Result<(), RunFailure> {
         if self.reply.is_none() {
-            let polled = self.request.reply();
-            self.reply = polled.map_err(|broken| unusable_reply(self.process, self.when, &broken))?;
+            self.reply = self
+                .exchange()
+                .map_err(|broken| unusable_reply(self.process, self.when, &broken))?;
         }
         if self.reply.is_some() {
             return Ok(());
@@ -249,6 +251,15 @@ impl MonitoredRequest<'_> {
             )),
             false => Ok(()),
         }
+    }
+
+    /// Sends the request until it has reached the participant, and returns the reply once it has arrived.
+    fn exchange(&mut self) -> Result<Option<Reply>, TransportError> {
+        // In this order: a participant that is woken before the request is there goes back to sleep.
+        if self.request.send()? {
+            self.notifier.notify();
+        }
+        self.request.reply()
     }
 }
 
@@ -272,11 +283,11 @@ pub(crate) fn request_all<R: Borrow<Request>>(
             reply_timeout,
             ..
         } = handle;
-        ports.notifier.notify();
         let when = when(request.borrow());
         let begun = ports.control.begin_request(request.borrow());
         all.push(MonitoredRequest {
             request: begun.map_err(|broken| unusable_reply(process, when, &broken))?,
+            notifier: &ports.notifier,
             process,
             reply_timeout: *reply_timeout,
             timeout: Timeout::new(*reply_timeout),

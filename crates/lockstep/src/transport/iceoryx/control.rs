@@ -76,6 +76,7 @@ impl ControlClient {
     ) -> Result<Option<Reply>, TransportError> {
         let mut pending = self.begin_request(request)?;
         loop {
+            pending.send()?;
             if let Some(reply) = pending.reply()? {
                 return Ok(Some(reply));
             }
@@ -86,7 +87,8 @@ impl ControlClient {
         }
     }
 
-    /// Sends a request without waiting: requests to other participants can be sent before the reply has arrived. One request at a time.
+    /// Begins a request, which is sent without waiting: requests to other participants can be sent before the reply has arrived. One request at
+    /// a time.
     pub fn begin_request(&self, request: &Request) -> Result<PendingRequest<'_>, TransportError> {
         let bytes = wire::encode("a request", request).map_err(|error| TransportError(error.to_string()))?;
         Ok(PendingRequest {
@@ -112,18 +114,24 @@ impl PendingRequest<'_> {
     /// The pause between two polls for a reply.
     pub const POLL_INTERVAL: Duration = POLL_INTERVAL;
 
-    /// Returns the reply once it has arrived. Sends the request first if it has not reached a server yet.
-    pub fn reply(&mut self) -> Result<Option<Reply>, TransportError> {
-        if self.pending.is_none() {
-            let message = self
-                .client
-                .loan_slice_uninit(self.bytes.len())
-                .map_err(|error| transport_error("no memory", error))?;
-            let sent = message.write_from_slice(&self.bytes).send();
-            let pending = sent.map_err(|error| transport_error("asking", error))?;
-            // A server is counted before a client can reach it. A request that reached no server has not been sent.
-            self.pending = (pending.number_of_server_connections() > 0).then_some(pending);
+    /// Sends the request, unless it has reached a server already. Returns whether it has reached one by this call.
+    pub fn send(&mut self) -> Result<bool, TransportError> {
+        if self.pending.is_some() {
+            return Ok(false);
         }
+        let message = self
+            .client
+            .loan_slice_uninit(self.bytes.len())
+            .map_err(|error| transport_error("no memory", error))?;
+        let sent = message.write_from_slice(&self.bytes).send();
+        let pending = sent.map_err(|error| transport_error("asking", error))?;
+        // A server is counted before a client can reach it. A request that reached no server has not been sent.
+        self.pending = (pending.number_of_server_connections() > 0).then_some(pending);
+        Ok(self.pending.is_some())
+    }
+
+    /// Returns the reply once it has arrived.
+    pub fn reply(&self) -> Result<Option<Reply>, TransportError> {
         let Some(pending) = &self.pending else {
             return Ok(None);
         };
