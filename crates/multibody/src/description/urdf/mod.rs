@@ -15,7 +15,7 @@ use crate::rotation::{Quaternion, roll_pitch_yaw};
 use nalgebra::{Matrix3, Vector3};
 use roxmltree::Node;
 use std::collections::BTreeMap;
-use xml::{displayed_name, element, is_macro, is_urdf_element, line_of};
+use xml::{displayed_name, element, is_macro, is_urdf_element, line_at, line_of};
 
 /// Skipped elements, which belong to other tools: appearance, contact, actuation, simulators, middleware.
 const SKIPPED_ELEMENTS: &[&str] = &[
@@ -82,8 +82,9 @@ impl Description {
 struct Reader {
     errors: Vec<UrdfError>,
     warnings: Vec<UrdfWarning>,
-    /// Lines of links and joints.
-    lines: BTreeMap<(&'static str, String), u32>,
+    /// Where the elements of links and joints start in the text. Only errors and warnings need the line, which is counted from the
+    /// beginning of the text.
+    starts: BTreeMap<(&'static str, String), usize>,
 }
 
 impl Reader {
@@ -119,7 +120,7 @@ impl Reader {
             description.part_errors()
         };
         for error in found {
-            let line = self.line_of_subject(&error);
+            let line = self.line_of_subject(robot, &error);
             self.errors.push(UrdfError {
                 line,
                 kind: error.into(),
@@ -130,7 +131,7 @@ impl Reader {
             return Err(UrdfErrors(self.errors));
         }
         for (error, merged) in description.tolerated_errors() {
-            let line = self.line_of_subject(&error);
+            let line = self.line_of_subject(robot, &error);
             let kept = if merged {
                 "; with what is fixed to it the body is possible, so it is taken"
             } else {
@@ -148,9 +149,11 @@ impl Reader {
         })
     }
 
-    fn line_of_subject(&self, error: &DescriptionError) -> Option<u32> {
+    /// The line of the element that an error is about, in the document of `robot`.
+    fn line_of_subject(&self, robot: Node, error: &DescriptionError) -> Option<u32> {
         let (what, name) = error.subject()?;
-        self.lines.get(&(what, name.to_owned())).copied()
+        let start = self.starts.get(&(what, name.to_owned()))?;
+        Some(line_at(robot, *start))
     }
 
     fn report(&mut self, node: Node, kind: UrdfErrorKind) {
@@ -208,7 +211,8 @@ impl Reader {
     fn named(&mut self, what: &'static str, node: Node) -> Option<String> {
         let owner = format!("a <{what}>");
         let name = self.required_attribute(node, &owner, "name")?.to_owned();
-        self.lines.entry((what, name.clone())).or_insert_with(|| line_of(node));
+        let start = node.range().start;
+        self.starts.entry((what, name.clone())).or_insert(start);
         Some(name)
     }
 

@@ -112,7 +112,12 @@ pub(super) fn displayed_name(node: Node) -> String {
 
 /// The line an element starts on, from 1.
 pub(super) fn line_of(node: Node) -> u32 {
-    node.document().text_pos_at(node.range().start).row
+    line_at(node, node.range().start)
+}
+
+/// The line of an offset in the document of `node`, from 1.
+pub(super) fn line_at(node: Node, offset: usize) -> u32 {
+    node.document().text_pos_at(offset).row
 }
 
 /// The first child of that name.
