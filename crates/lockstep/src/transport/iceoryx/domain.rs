@@ -11,6 +11,10 @@ use iceoryx2::service::builder::Builder;
 
 use super::ipc::Ipc;
 
+/// How many connections whose other end has gone a receiving end keeps, until what they hold is read or returned. At most one of them has
+/// memory that is in use, that of a ring; with two, iceoryx2 never has to give up that one.
+const EXPIRED_CONNECTIONS_MAX: usize = 2;
+
 /// Why a run's part of shared memory cannot be set up.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DomainError {
@@ -142,6 +146,10 @@ fn configuration(address: &Address) -> Result<Config, DomainError> {
     config.global.node.cleanup_dead_nodes_on_creation = false;
     config.global.node.cleanup_dead_nodes_on_destruction = false;
     config.global.service.cleanup_dead_nodes_on_open = false;
+    // Each receiving end allocates and writes a slot for every one of these, 128 unless specified.
+    config.defaults.publish_subscribe.subscriber_expired_connection_buffer = EXPIRED_CONNECTIONS_MAX;
+    config.defaults.request_response.client_expired_connection_buffer = EXPIRED_CONNECTIONS_MAX;
+    config.defaults.request_response.server_expired_connection_buffer = EXPIRED_CONNECTIONS_MAX;
     Ok(config)
 }
 
