@@ -297,6 +297,20 @@ impl ConnectedParticipant {
         Ok(self.send_event(&ParticipantEvent::Paused { next }, sleeper)?)
     }
 
+    /// Ends the participant's part, and leaves its ends in shared memory to the exit of the process.
+    pub(super) fn leave_open(self) {
+        let ConnectedParticipant {
+            stepper,
+            clock,
+            record,
+            neighbours,
+            _links,
+            ..
+        } = self;
+        stepper.leave_open();
+        std::mem::forget((clock, record, neighbours, _links));
+    }
+
     fn wait_reason(&self, wait: Wait) -> WaitReason {
         let own = self.stepper.assignment();
         match wait {

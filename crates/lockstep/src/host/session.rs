@@ -138,7 +138,7 @@ impl Session {
         }
     }
 
-    /// Detaches the participant from its links, for a move to the next address.
+    /// Detaches the participant from its links, for a move to the next address or for good.
     fn detach(self) -> (Option<Address>, SessionState) {
         let mut state = self.state;
         if let Stage::Connected(mut connected) = std::mem::replace(&mut state.stage, Stage::Terminating) {
@@ -150,6 +150,11 @@ impl Session {
                 };
             } else if state.replaced {
                 connected.stepper.terminate(Termination::Replaced);
+            } else {
+                // The run is over, and this process with it. Its exit closes everything at once, and the orchestrator removes the
+                // files of the run. To close each end here takes longer, and the orchestrator waits for it.
+                connected.leave_open();
+                std::mem::forget((self.control, self.sleeper, self.status, self.domain));
             }
         }
         (self.destination, state)

@@ -27,6 +27,21 @@ impl Stepper {
         std::mem::replace(&mut self.participant, Box::new(Placeholder))
     }
 
+    /// Ends the participant's part as a drop does, but does not close the links: for a process that is about to exit.
+    pub fn leave_open(mut self) {
+        self.terminate(self.reason_of_end());
+        drop(std::mem::replace(&mut self.participant, Box::new(Placeholder)));
+        std::mem::forget(self);
+    }
+
+    fn reason_of_end(&self) -> Termination {
+        if self.next >= self.assignment.activations {
+            Termination::Finished
+        } else {
+            Termination::Stopped
+        }
+    }
+
     /// Returns `done`. A participant that has panicked may be in an inconsistent state, and is not called again.
     pub(super) fn note_panic(&mut self, done: Result<(), StepError>) -> Result<(), StepError> {
         self.requests.notify_termination &= !matches!(done, Err(StepError::Panicked(_)));
@@ -36,12 +51,7 @@ impl Stepper {
 
 impl Drop for Stepper {
     fn drop(&mut self) {
-        let finished = self.next >= self.assignment.activations;
-        self.terminate(if finished {
-            Termination::Finished
-        } else {
-            Termination::Stopped
-        });
+        self.terminate(self.reason_of_end());
     }
 }
 
