@@ -87,12 +87,6 @@ pub(super) fn connect(
     room: u32,
     position: Option<Position>,
 ) -> Result<ConnectedParticipant, ConnectError> {
-    if !cores.is_empty() {
-        let mut set = rustix::thread::CpuSet::new();
-        cores.iter().for_each(|&core| set.set(core as usize));
-        // A hint: failure makes the run slower, but does not change it.
-        let _ = rustix::thread::sched_setaffinity(None, &set);
-    }
     let mut links = Vec::new();
     let mut ends = LinkEnds {
         receivers: Vec::new(),
@@ -117,6 +111,10 @@ pub(super) fn connect(
         }
         ends.senders.push(senders);
     }
+    let clock = ClockReader::open(domain)?;
+    // Not earlier: several participants may get the same core, and until here they use all of them. Not later: the memory of the rings
+    // is allocated where it is first touched.
+    stay_on(cores);
     let (streams, sizes): (Vec<u32>, Vec<usize>) = assignment.streams().unzip();
     let first = streams.first().copied().unwrap_or(0);
     let record = RecordSender::open(domain, name, first, &sizes, room)?;
@@ -132,7 +130,7 @@ pub(super) fn connect(
     };
     Ok(ConnectedParticipant {
         stepper,
-        clock: ClockReader::open(domain)?,
+        clock,
         record,
         neighbours,
         backoff: Backoff::new(waiting),
@@ -141,6 +139,15 @@ pub(super) fn connect(
         prepared: false,
         _links: links,
     })
+}
+
+/// Keeps this process on `cores`, if there are any. A hint: failure makes the run slower, but does not change it.
+fn stay_on(cores: &[u32]) {
+    if !cores.is_empty() {
+        let mut set = rustix::thread::CpuSet::new();
+        cores.iter().for_each(|&core| set.set(core as usize));
+        let _ = rustix::thread::sched_setaffinity(None, &set);
+    }
 }
 
 impl ConnectedParticipant {
