@@ -1,6 +1,7 @@
 //! The participants of a run, each with the process, the services and the records that the orchestrator holds for it.
 
 use std::borrow::Borrow;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use lockstep::control::{ParticipantEvent, Reply, Request, WallTimeBreakdown};
@@ -16,6 +17,7 @@ use super::monitor::Monitor;
 use super::ports::Ports;
 use super::process_state::process_state;
 use super::resources;
+use super::run_services::check_pages;
 use crate::run::log::{full_log_reason, tail_message};
 use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
@@ -432,7 +434,7 @@ pub(crate) fn start(
     scenario: &Scenario,
     entry: &Entry,
     domain: &Domain,
-    log: &std::path::Path,
+    log: &Path,
     detail: Option<Detail>,
 ) -> Result<ParticipantProcess, RunFailure> {
     use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied};
@@ -446,6 +448,30 @@ pub(crate) fn start(
             reason: format!("cannot be started: {error}"),
         }
     })
+}
+
+/// Starts the programs of `entries` in `domain`; `log` returns the file for the output of one. Each starts as soon as its own services
+/// exist, while those of the next are created.
+///
+/// # Errors
+/// Services that cannot be created, and those of [`start`]. Then all processes have ended.
+pub(crate) fn start_all(
+    scenario: &Scenario,
+    entries: &[impl Borrow<Entry>],
+    domain: &Domain,
+    options: &Options,
+    detail: Option<Detail>,
+    mut log: impl FnMut(&str) -> PathBuf,
+) -> Result<Vec<ParticipantHandle>, RunFailure> {
+    let mut handles = Vec::with_capacity(entries.len());
+    for entry in entries.iter().map(Borrow::borrow) {
+        let name = &entry.setup.name;
+        let ports = Ports::create(domain, name, entries.len())?;
+        check_pages()?;
+        let process = start(scenario, entry, domain, &log(name), detail)?;
+        handles.push(ParticipantHandle::new(process, ports, start_within(entry, options)));
+    }
+    Ok(handles)
 }
 
 /// Waits until the participant has entered the run; `waited` counts from the start of all programs.

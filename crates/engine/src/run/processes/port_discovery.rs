@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use lockstep::control::Request;
 use lockstep::participant::Interface;
+use lockstep::transport::iceoryx::Domain;
 
 use crate::run::options::Options;
 use crate::run::timeout::ActiveTime;
@@ -11,10 +12,9 @@ use crate::run::timeout::ActiveTime;
 use super::child::GRACE;
 use super::handshake;
 use super::monitor::Monitor;
-use super::participants::{self, ParticipantHandle};
-use super::run_services::RunServices;
+use super::participants;
 use crate::run::outcome::RunFailure;
-use crate::scenario::{Entry, OnFailure, Scenario};
+use crate::scenario::{Entry, ORCHESTRATOR, OnFailure, Scenario};
 use crate::scope::Scope;
 
 /// The ports of `entry`, as [`ask`] returns them.
@@ -61,18 +61,9 @@ fn query_monitored(
     let scope = Scope::create()?;
     let address = scope.address();
     let log_folder = address.folder.clone();
-    let names = entries.iter().map(|entry| entry.setup.name.as_str());
-    let (domain, ports) = RunServices::enter_domain(address, names)?;
-    let mut handles = Vec::new();
-    for (entry, ports) in entries.iter().zip(ports) {
-        let log = log_folder.join(format!("words.{}", entry.setup.name));
-        let process = participants::start(scenario, entry, &domain, &log, None)?;
-        handles.push(ParticipantHandle::new(
-            process,
-            ports,
-            participants::start_within(entry, options),
-        ));
-    }
+    let domain = Domain::enter(address, ORCHESTRATOR)?;
+    let log = |name: &str| log_folder.join(format!("words.{name}"));
+    let mut handles = participants::start_all(scenario, entries, &domain, options, None, log)?;
     let mut waited = ActiveTime::since(Instant::now());
     for handle in &mut handles {
         participants::await_entry(handle, &mut waited, monitor)?;

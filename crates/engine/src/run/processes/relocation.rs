@@ -14,7 +14,7 @@ use super::handshake;
 use super::participants::{self, ParticipantHandle};
 use super::placement::Placement;
 use super::resources;
-use super::run_services::RunServices;
+use super::run_services::{PlannedServices, RunServices};
 use crate::run::executor::Slot;
 use crate::run::failed::FailedParticipant;
 use crate::run::outcome::RunFailure;
@@ -88,7 +88,8 @@ impl Processes {
             states.push(state);
         }
         self.await_all(run_state, &mut handles, &replacements, &mut failed)?;
-        self.services = RunServices::create(domain, &run_state.plan)?;
+        let planned = PlannedServices::create(&domain, &run_state.plan)?;
+        self.services = RunServices::new(domain, planned);
         self.scope.clear(&old_address);
         self.connect(run_state, cut, &mut handles, states, &mut failed)?;
         self.handles = handles;

@@ -9,6 +9,7 @@ use std::time::Instant;
 use lockstep::participant::Interface;
 use lockstep::plan::Plan;
 use lockstep::time::Rational;
+use lockstep::transport::iceoryx::Domain;
 use tape::folder::RunFolder;
 use tape::{Event, EventKind};
 
@@ -19,14 +20,14 @@ use super::participants::{self, ParticipantHandle};
 use super::placement::Placement;
 use super::port_discovery;
 use super::resources;
-use super::run_services::RunServices;
+use super::run_services::{PlannedServices, RunServices};
 use crate::run::failed::{RESTARTS_MAX, Restarts};
 use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
 use crate::run::prepare::{self, Known, PreparedRun, StartPoint};
 use crate::run::recording::recorder::Recorder;
 use crate::run::timeout::ActiveTime;
-use crate::scenario::{Entry, OnFailure, Scenario};
+use crate::scenario::{Entry, ORCHESTRATOR, OnFailure, Scenario};
 use crate::scope::Scope;
 
 /// What follows from the ports, and is the same in every attempt.
@@ -202,23 +203,25 @@ impl StartUp<'_> {
         let scope = Scope::create()?;
         let reserved = resources::reserve(self.sketch, &scope.address().folder, scenario.may_relocate())?;
         reserved.release_services();
-        let names = entries.iter().map(|entry| entry.setup.name.as_str());
-        let (domain, ports) = RunServices::enter_domain(scope.address(), names)?;
-        let mut handles = Vec::new();
-        for (entry, ports) in entries.iter().zip(ports) {
-            let name = &entry.setup.name;
-            let mut log = self.folder.stderr(name);
-            if log.exists() {
-                *programs += 1;
-                log = self.folder.stderr(&format!("{name}.{programs}"));
+        let domain = Domain::enter(scope.address(), ORCHESTRATOR)?;
+        let log = |name: &str| {
+            let log = self.folder.stderr(name);
+            if !log.exists() {
+                return log;
             }
-            let process = participants::start(self.scenario, entry, &domain, &log, options.detail())?;
-            handles.push(ParticipantHandle::new(
-                process,
-                ports,
-                participants::start_within(entry, options),
-            ));
-        }
+            *programs += 1;
+            self.folder.stderr(&format!("{name}.{programs}"))
+        };
+        let mut handles = participants::start_all(scenario, entries, &domain, options, options.detail(), log)?;
+        // A participant with other ports than expected is refused below, so with these the plan is certain. What follows from it is
+        // created while the participants start.
+        let expected = match &*planned {
+            Some(before) => Some(&*before.plan),
+            None => self.known.iter().all(Option::is_some).then_some(self.sketch),
+        };
+        let ahead = expected
+            .map(|plan| PlannedServices::create(&domain, plan))
+            .transpose()?;
         // Every wait below ends when any of the participants fails.
         let monitor = self.monitor.monitoring(handles.iter().map(|handle| &handle.process));
         let monitor = monitor.map_err(|error| RunFailure::Other(error.to_string()))?;
@@ -247,7 +250,10 @@ impl StartUp<'_> {
                 })
             }
         };
-        let services = RunServices::create(domain, plan)?;
+        let services = match ahead {
+            Some(services) => services,
+            None => PlannedServices::create(&domain, plan)?,
+        };
         let placement = Placement::choose(plan, options);
         let rings = reserved.release_rings(plan);
         let connector = handshake::Connector {
@@ -256,6 +262,6 @@ impl StartUp<'_> {
             monitor: &monitor,
         };
         connector.connect_all(&mut handles, plan, start.positions.as_deref())?;
-        Ok((scope, services, placement, handles))
+        Ok((scope, RunServices::new(domain, services), placement, handles))
     }
 }
