@@ -26,6 +26,8 @@ pub const PARTICIPANT: &str = "ESCAPEMENT_PARTICIPANT";
 /// until the participant has finished or receives the command to terminate.
 ///
 /// Prints the reason of a failure to standard error and returns exit code 1; 2 when it was not started by an orchestrator.
+///
+/// The process should exit then: what it has open in shared memory at the end of the run is left to its exit.
 pub fn run(
     factory: impl Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync + 'static,
     program: &str,
