@@ -76,10 +76,10 @@ pub fn append(systems: &[StateSpace]) -> StateSpace {
     };
     let (mut i, mut j, mut k) = (0, 0, 0);
     for g in systems {
-        linalg::put(&mut out.a, i, i, &g.a);
-        linalg::put(&mut out.b, i, j, &g.b);
-        linalg::put(&mut out.c, k, i, &g.c);
-        linalg::put(&mut out.d, k, j, &g.d);
+        out.a.set_block(i, i, &g.a);
+        out.b.set_block(i, j, &g.b);
+        out.c.set_block(k, i, &g.c);
+        out.d.set_block(k, j, &g.d);
         i += g.states();
         j += g.inputs();
         k += g.outputs();

@@ -187,9 +187,9 @@ impl StateSpace {
         let n = self.states();
         Self {
             a: self.a.clone(),
-            b: linalg::sub(&self.b, 0, inputs.start, n, inputs.len()),
-            c: linalg::sub(&self.c, outputs.start, 0, outputs.len(), n),
-            d: linalg::sub(&self.d, outputs.start, inputs.start, outputs.len(), inputs.len()),
+            b: self.b.block(0, inputs.start, n, inputs.len()),
+            c: self.c.block(outputs.start, 0, outputs.len(), n),
+            d: self.d.block(outputs.start, inputs.start, outputs.len(), inputs.len()),
         }
     }
 

@@ -54,7 +54,7 @@ pub fn full_order_optimum(
 /// A matrix computation that fails.
 pub(crate) fn state_feedbacks(plant: &StateSpace, controls: usize) -> Result<Vec<Matrix>, LinalgError> {
     let nw = plant.inputs() - controls;
-    let effort = linalg::sub(&plant.d, 0, nw, plant.outputs(), controls);
+    let effort = plant.d.block(0, nw, plant.outputs(), controls);
     let gram = effort.transpose() * &effort;
     let plant = if linalg::reciprocal_condition(&gram)? < 1e-12 {
         // Unweighted control effort gets a small weight.
@@ -78,7 +78,7 @@ pub(crate) fn state_feedbacks(plant: &StateSpace, controls: usize) -> Result<Vec
             (0..nw).for_each(|i| r[(i, i)] -= level * level);
             // [w; u] = −R⁻¹ (D₁ᵀ C₁ + Bᵀ X) x
             let both = linalg::solve(&r, &(d1.transpose() * c1 + plant.b.transpose() * x))?;
-            out.push(linalg::sub(&both, nw, 0, controls, plant.states()) * -1.0);
+            out.push(both.block(nw, 0, controls, plant.states()) * -1.0);
         }
     }
     Ok(out)

@@ -33,7 +33,7 @@ pub(super) fn normalised(plant: &StateSpace, controls: usize, measurements: usiz
 
 /// A level of the order of the plant's own gain, from the sizes of its matrices.
 pub(super) fn reference(plant: &StateSpace, nw: usize, nz: usize) -> f64 {
-    let size = |m: &Matrix, row, column, height, width| linalg::max_abs(&linalg::sub(m, row, column, height, width));
+    let size = |m: &Matrix, row, column, height, width| linalg::max_abs(&m.block(row, column, height, width));
     let n = plant.states();
     let speed = linalg::max_abs(&plant.a);
     let through = size(&plant.b, 0, 0, n, nw) * size(&plant.c, 0, 0, nz, n);
@@ -117,9 +117,9 @@ impl RegularProblem {
     pub(super) fn new(p: &StateSpace, controls: usize, measurements: usize) -> Result<Option<Self>, LinalgError> {
         let n = p.states();
         let (nw, nz) = (p.inputs() - controls, p.outputs() - measurements);
-        let d11 = linalg::sub(&p.d, 0, 0, nz, nw);
-        let d12 = linalg::sub(&p.d, 0, nw, nz, controls);
-        let d21 = linalg::sub(&p.d, nz, 0, measurements, nw);
+        let d11 = p.d.block(0, 0, nz, nw);
+        let d12 = p.d.block(0, nw, nz, controls);
+        let d21 = p.d.block(nz, 0, measurements, nw);
         let Some(outputs) = project_out(&d12, &d11)? else {
             return Ok(None);
         };
@@ -130,8 +130,8 @@ impl RegularProblem {
         let rounding = 1e-14 * linalg::norm2(&d11)?;
         let floor = linalg::norm2(&outputs)?.max(linalg::norm2(&inputs)?);
         Ok(Some(Self {
-            b1: linalg::sub(&p.b, 0, 0, n, nw),
-            c1: linalg::sub(&p.c, 0, 0, nz, n),
+            b1: p.b.block(0, 0, n, nw),
+            c1: p.c.block(0, 0, nz, n),
             d11,
             d12,
             d21,

@@ -42,20 +42,20 @@ pub(super) fn riccati(
     let (h, scale) = balance_hamiltonian(h);
     let Some(sign) = matrix_sign(&h) else { return Ok(None) };
     let lhs = blocks(&[
-        &[&linalg::sub(&sign, 0, n, n, n)],
-        &[&(linalg::sub(&sign, n, n, n, n) + Matrix::identity(n, n))],
+        &[&sign.block(0, n, n, n)],
+        &[&(sign.block(n, n, n, n) + Matrix::identity(n, n))],
     ]);
     let rhs = blocks(&[
-        &[&(linalg::sub(&sign, 0, 0, n, n) + Matrix::identity(n, n))],
-        &[&linalg::sub(&sign, n, 0, n, n)],
+        &[&(sign.block(0, 0, n, n) + Matrix::identity(n, n))],
+        &[&sign.block(n, 0, n, n)],
     ]);
     let scaled = linalg::least_squares(&lhs, &(rhs * -1.0));
     if linalg::check_finite(&scaled).is_err() {
         return Ok(None);
     }
     // Verify the result: it must span an invariant subspace, and a stable one.
-    let closed = linalg::sub(&h, 0, 0, n, n) + linalg::sub(&h, 0, n, n, n) * &scaled;
-    let residual = linalg::sub(&h, n, 0, n, n) + linalg::sub(&h, n, n, n, n) * &scaled - &scaled * &closed;
+    let closed = h.block(0, 0, n, n) + h.block(0, n, n, n) * &scaled;
+    let residual = h.block(n, 0, n, n) + h.block(n, n, n, n) * &scaled - &scaled * &closed;
     if frobenius(&residual) > 1e-6 * frobenius(&h) * (1.0 + frobenius(&scaled)) {
         return Ok(None);
     }
@@ -70,7 +70,7 @@ pub(super) fn riccati(
     let scaled = linalg::symmetric_part(&scaled);
     let least = linalg::symmetric_eigen(&scaled)?.0[0];
     // The lower block is a difference of terms as large as C₁ᵀC₁, which limits its accuracy.
-    let own = linalg::max_abs(&linalg::sub(&h, 0, 0, n, n)).max(f64::MIN_POSITIVE);
+    let own = linalg::max_abs(&h.block(0, 0, n, n)).max(f64::MIN_POSITIVE);
     let rounding = 1e3 * f64::EPSILON * linalg::max_abs(&q) / (scale * own);
     let positive = least >= -1e-7 * linalg::max_abs(&scaled) - 1e-10 - rounding.min(1e-2);
     Ok(positive.then(|| Matrix::from_fn(n, n, |i, j| scaled[(i, j)] * scale)))
@@ -80,7 +80,7 @@ pub(super) fn riccati(
 /// their product is small compared with A (and one of them perhaps zero, or rounding), the upper one becomes as large as A.
 fn balance_hamiltonian(mut h: Matrix) -> (Matrix, f64) {
     let n = h.nrows() / 2;
-    let size = |row, column| linalg::max_abs(&linalg::sub(&h, row, column, n, n));
+    let size = |row, column| linalg::max_abs(&h.block(row, column, n, n));
     let (own, upper, lower) = (size(0, 0), size(0, n), size(n, 0));
     let scale = match (upper > 0.0, lower > 0.0) {
         (true, _) => (lower / upper).sqrt().max(own / upper),

@@ -74,7 +74,7 @@ fn augmented(p: &StateSpace, controls: usize, measurements: usize, epsilon: f64)
     let (nw, nz) = (p.inputs() - controls, p.outputs() - measurements);
     let small = |size: usize| Matrix::identity(size, size) * epsilon;
     let zero = Matrix::zeros;
-    let part = |m: &Matrix, row, column, height, width| linalg::sub(m, row, column, height, width);
+    let part = |m: &Matrix, row, column, height, width| m.block(row, column, height, width);
     // Inputs [w; state noise; measurement noise; u], outputs [z; states; controls; y].
     let b = blocks(&[&[
         &part(&p.b, 0, 0, n, nw),
@@ -139,7 +139,7 @@ fn disc(plant: &StateSpace, epsilon: f64) -> Option<StateSpace> {
 fn boundary(p: &StateSpace, controls: usize, measurements: usize) -> Result<f64, LinalgError> {
     let n = p.states();
     let (nw, nz) = (p.inputs() - controls, p.outputs() - measurements);
-    let part = |m: &Matrix, row, column, height, width| linalg::sub(m, row, column, height, width);
+    let part = |m: &Matrix, row, column, height, width| m.block(row, column, height, width);
     let t = |m: &Matrix| m.transpose();
     let (b1, b2) = (part(&p.b, 0, 0, n, nw), part(&p.b, 0, nw, n, controls));
     let (c1, c2) = (part(&p.c, 0, 0, nz, n), part(&p.c, nz, 0, measurements, n));

@@ -27,7 +27,7 @@ impl Scalar for c64 {
     }
 }
 
-/// A dense matrix, stored by columns; `m[(row, column)]`. Operators panic when shapes do not fit.
+/// A dense matrix, stored by columns; `m[(row, column)]`. Operators and blocks panic where shapes do not fit.
 #[derive(Clone, PartialEq)]
 pub struct Dense<T: Scalar>(pub(super) DMatrix<T>);
 

@@ -132,22 +132,12 @@ pub fn blocks(grid: &[&[&Matrix]]) -> Matrix {
                 block.nrows() == heights[r] && block.ncols() == widths[c],
                 "blocks do not fit"
             );
-            put(&mut out, row, column, block);
+            out.set_block(row, column, block);
             column += widths[c];
         }
         row += heights[r];
     }
     out
-}
-
-/// Writes `block` into `out` with its upper left corner at (`row`, `column`).
-pub fn put(out: &mut Matrix, row: usize, column: usize, block: &Matrix) {
-    out.set_block(row, column, block);
-}
-
-/// A copy of rows `row..row + height`, columns `column..column + width`.
-pub fn sub(m: &Matrix, row: usize, column: usize, height: usize, width: usize) -> Matrix {
-    m.block(row, column, height, width)
 }
 
 /// The complex matrix with the same entries.

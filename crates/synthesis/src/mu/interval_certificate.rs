@@ -210,7 +210,7 @@ mod tests {
     use super::*;
     use crate::delay::pade;
     use crate::interconnect::append;
-    use crate::linalg::{Matrix, diagonal, put};
+    use crate::linalg::{Matrix, diagonal};
     use crate::mu::{Block, margin};
 
     /// Masses under delayed velocity feedback, `(M₀ + δ₁ S₁ + δ₂ S₂) v̇ = −K v(t − T)`, with the perturbation of `w = Δ z` and the
@@ -233,9 +233,9 @@ mod tests {
         // u = −K v, f = C x + D u; v̇ = M⁻¹ (f + E w), w = −δ z, z = Eᵀ v̇
         let u = Matrix::from_fn(n, n + delay.states(), |i, j| if j < n { -gain[(i, j)] } else { 0.0 });
         let mut force = &delay.d * &u;
-        put(&mut force, 0, n, &delay.c);
+        force.set_block(0, n, &delay.c);
         let mut waiting = &delay.b * &u;
-        put(&mut waiting, 0, n, &delay.a);
+        waiting.set_block(0, n, &delay.a);
         let e = linalg::blocks(&[&[&e[0], &e[1]]]);
         let entering = &inverse * &e * -1.0;
         let loop_ = StateSpace {

@@ -224,6 +224,6 @@ pub fn tracking_optimum(spec: &Spec, robot: &Robot, model: &ModelSpec) -> Result
             p.b[(i, j)] *= 1e-3;
         }
     }
-    debug_assert_eq!(linalg::max_abs(&linalg::sub(&p.d, 0, n, p.outputs(), n)), 0.0);
+    debug_assert_eq!(linalg::max_abs(&p.d.block(0, n, p.outputs(), n)), 0.0);
     Ok(full_order_optimum(&p, n, n, 1e-4)?)
 }

@@ -362,7 +362,7 @@ pub fn export(
             let p = &m.plant;
             let n = p.states();
             let (nw, nz) = (p.inputs() - m.controls, p.outputs() - m.measurements);
-            let cut = |x: &Matrix, r: usize, c: usize, h: usize, w: usize| linalg::to_rows(&linalg::sub(x, r, c, h, w));
+            let cut = |x: &Matrix, r: usize, c: usize, h: usize, w: usize| linalg::to_rows(&x.block(r, c, h, w));
             ExportedModel {
                 name: m.name.clone(),
                 A: linalg::to_rows(&p.a),

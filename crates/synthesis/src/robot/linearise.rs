@@ -192,7 +192,7 @@ impl Robot {
         let order = self.order(&tree);
         let reorder = |m: &Matrix| Matrix::from_fn(nv, nv, |i, j| m[(order[i], order[j])]);
         let a = reorder(&(&inverse * &slope));
-        let b = linalg::sub(&reorder(&inverse), 0, 0, nv, n);
+        let b = reorder(&inverse).block(0, 0, nv, n);
         Ok(Body {
             channels: n,
             mass,

@@ -52,8 +52,8 @@ fn close(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
     // u = −K_P v + K_I x_i, ẋ_i = −v, f = C_a x_a + D_a u, v̇ = A v + B (f + w)
     let states = nv + na + ni;
     let mut u = Matrix::zeros(n, states);
-    linalg::put(&mut u, 0, 0, &(&kp * &measured * -1.0));
-    linalg::put(&mut u, 0, nv + na, &ki);
+    u.set_block(0, 0, &(&kp * &measured * -1.0));
+    u.set_block(0, nv + na, &ki);
     let mut force = &act.d * &u;
     for i in 0..n {
         for j in 0..na {
@@ -67,19 +67,19 @@ fn close(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
             acceleration[(i, j)] += body.a[(i, j)];
         }
     }
-    linalg::put(&mut a, 0, 0, &acceleration);
+    a.set_block(0, 0, &acceleration);
     let mut actuator = &act.b * &u;
     for i in 0..na {
         for j in 0..na {
             actuator[(i, nv + j)] += act.a[(i, j)];
         }
     }
-    linalg::put(&mut a, nv, 0, &actuator);
+    a.set_block(nv, 0, &actuator);
     if ni > 0 {
-        linalg::put(&mut a, nv + na, 0, &(&measured * -1.0));
+        a.set_block(nv + na, 0, &(&measured * -1.0));
     }
     let mut b = Matrix::zeros(states, n);
-    linalg::put(&mut b, 0, 0, &body.b);
+    b.set_block(0, 0, &body.b);
     let c = linalg::blocks(&[&[&acceleration], &[&force]]);
     let d = linalg::blocks(&[&[&body.b], &[&Matrix::zeros(n, n)]]);
     Ok(Loop {

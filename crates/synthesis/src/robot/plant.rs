@@ -133,41 +133,40 @@ pub fn generalised_plant(spec: &Spec, body: &Body, model: &ModelSpec, order: usi
     };
     let (r, dist, u) = (0, n, 2 * n);
     let (z2, z3, e) = (n, 2 * n, 2 * n + nz3);
-    let put = linalg::put;
     let neg = |m: &Matrix| m * -1.0;
     // v̇ = A v + B (f + D d̂), f = C_a x_a + D_a u
-    put(&mut p.a, xv, xv, &body.a);
-    put(&mut p.a, xv, xa, &(&body.b * &act.c));
-    put(&mut p.b, xv, u, &(&body.b * &act.d));
-    put(&mut p.b, xv, dist, &(&body.b * &d));
-    put(&mut p.a, xa, xa, &act.a);
-    put(&mut p.b, xa, u, &act.b);
+    p.a.set_block(xv, xv, &body.a);
+    p.a.set_block(xv, xa, &(&body.b * &act.c));
+    p.b.set_block(xv, u, &(&body.b * &act.d));
+    p.b.set_block(xv, dist, &(&body.b * &d));
+    p.a.set_block(xa, xa, &act.a);
+    p.b.set_block(xa, u, &act.b);
     // e = V r̂ − v
     let measured = Matrix::from_fn(n, nv, |i, j| f64::from(u8::from(i == j)));
     let minus_measured = neg(&measured);
-    put(&mut p.c, e, xv, &minus_measured);
-    put(&mut p.d, e, r, &v);
+    p.c.set_block(e, xv, &minus_measured);
+    p.d.set_block(e, r, &v);
     if ni > 0 {
-        put(&mut p.a, xi, xv, &minus_measured);
-        put(&mut p.b, xi, r, &v);
-        put(&mut p.c, e + n, xi, &Matrix::identity(n, n));
+        p.a.set_block(xi, xv, &minus_measured);
+        p.b.set_block(xi, r, &v);
+        p.c.set_block(e + n, xi, &Matrix::identity(n, n));
     }
     // z₁ = W_S V⁻¹ e
-    put(&mut p.a, xs, xs, &ws.a);
-    put(&mut p.a, xs, xv, &neg(&(&ws.b * &measured)));
-    put(&mut p.b, xs, r, &(&ws.b * &v));
-    put(&mut p.c, 0, xs, &ws.c);
-    put(&mut p.c, 0, xv, &neg(&(&ws.d * &measured)));
-    put(&mut p.d, 0, r, &(&ws.d * &v));
+    p.a.set_block(xs, xs, &ws.a);
+    p.a.set_block(xs, xv, &neg(&(&ws.b * &measured)));
+    p.b.set_block(xs, r, &(&ws.b * &v));
+    p.c.set_block(0, xs, &ws.c);
+    p.c.set_block(0, xv, &neg(&(&ws.d * &measured)));
+    p.d.set_block(0, r, &(&ws.d * &v));
     // z₂ = W_u F⁻¹ u
     let effort: Vec<f64> = spec.scales.authority.iter().map(|f| spec.weights.effort / f).collect();
-    put(&mut p.d, z2, u, &diagonal(&effort));
+    p.d.set_block(z2, u, &diagonal(&effort));
     // z₃ = W_L V⁻¹ v
     if nl > 0 {
-        put(&mut p.a, xl, xl, &wl.a);
-        put(&mut p.a, xl, xv, &(&wl.b * &measured));
-        put(&mut p.c, z3, xl, &wl.c);
-        put(&mut p.c, z3, xv, &(&wl.d * &measured));
+        p.a.set_block(xl, xl, &wl.a);
+        p.a.set_block(xl, xv, &(&wl.b * &measured));
+        p.c.set_block(z3, xl, &wl.c);
+        p.c.set_block(z3, xv, &(&wl.d * &measured));
     }
     Ok(p)
 }

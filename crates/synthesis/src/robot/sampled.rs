@@ -66,8 +66,8 @@ impl Tick {
         let states = nv + lagged.len();
         // [ẋ; 0] = [A B; 0 0] [x; u]: its exponential holds both the transition and the input matrix (van Loan 1978).
         let mut a = Matrix::zeros(states + n, states + n);
-        linalg::put(&mut a, 0, 0, &body.a);
-        linalg::put(&mut a, 0, states, &body.b);
+        a.set_block(0, 0, &body.a);
+        a.set_block(0, states, &body.b);
         for (k, &channel) in lagged.iter().enumerate() {
             // The force is the lag's output, and no longer the command.
             for i in 0..nv {
@@ -79,8 +79,8 @@ impl Tick {
         }
         let e = linalg::expm(&(a * timing.tick_s))?;
         Ok(Self {
-            transition: linalg::sub(&e, 0, 0, states, states),
-            input: linalg::sub(&e, 0, states, states, n),
+            transition: e.block(0, 0, states, states),
+            input: e.block(0, states, states, n),
             states,
             channels: n,
         })
@@ -106,12 +106,12 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, a
     let integrators = ki.ncols();
     let length = at_i + integrators;
     let mut x = Matrix::identity(length, length);
-    let rows = |x: &Matrix, first: usize, count: usize| linalg::sub(x, first, 0, count, length);
+    let rows = |x: &Matrix, first: usize, count: usize| x.block(first, 0, count, length);
     let store_reading = |x: &mut Matrix| {
         if readings_in_transit > 0 {
             let (kept, now) = (rows(x, at_y, n * (readings_in_transit - 1)), rows(x, 0, n));
-            linalg::put(x, at_y + n, 0, &kept);
-            linalg::put(x, at_y, 0, &now);
+            x.set_block(at_y + n, 0, &kept);
+            x.set_block(at_y, 0, &now);
         }
     };
     let mut commands = Vec::new();
@@ -127,7 +127,7 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, a
                 // c = σ + T y with y = −v; u gains K_I c, and σ becomes c.
                 let sigma = rows(&x, at_i, n) - &reading * (period as f64);
                 command += ki * &sigma;
-                linalg::put(&mut x, at_i, 0, &sigma);
+                x.set_block(at_i, 0, &sigma);
             }
             commands.push(command);
             commands.extend((0..commands_in_transit).map(|k| rows(&x, at_u + n * k, n)));
@@ -137,10 +137,10 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, a
         }
         let applied = &commands[if tick < switch_tick { due + 1 } else { due }];
         let next = &t.transition * rows(&x, 0, s) + &t.input * applied;
-        linalg::put(&mut x, 0, 0, &next);
+        x.set_block(0, 0, &next);
     }
     for (k, command) in commands.iter().take(commands_in_transit).enumerate() {
-        linalg::put(&mut x, at_u + n * k, 0, command);
+        x.set_block(at_u + n * k, 0, command);
     }
     x
 }

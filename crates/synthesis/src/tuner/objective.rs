@@ -121,11 +121,11 @@ impl<'a> Objective<'a> {
         let p = &model.plant;
         let (n, nu, ny) = (p.states(), model.controls, model.measurements);
         let (nw, nz) = (p.inputs() - nu, p.outputs() - ny);
-        let d22 = linalg::sub(&p.d, nz, nw, ny, nu);
-        let (b1, b2) = (linalg::sub(&p.b, 0, 0, n, nw), linalg::sub(&p.b, 0, nw, n, nu));
-        let (c1, c2) = (linalg::sub(&p.c, 0, 0, nz, n), linalg::sub(&p.c, nz, 0, ny, n));
-        let (d11, d12) = (linalg::sub(&p.d, 0, 0, nz, nw), linalg::sub(&p.d, 0, nw, nz, nu));
-        let d21 = linalg::sub(&p.d, nz, 0, ny, nw);
+        let d22 = p.d.block(nz, nw, ny, nu);
+        let (b1, b2) = (p.b.block(0, 0, n, nw), p.b.block(0, nw, n, nu));
+        let (c1, c2) = (p.c.block(0, 0, nz, n), p.c.block(nz, 0, ny, n));
+        let (d11, d12) = (p.d.block(0, 0, nz, nw), p.d.block(0, nw, nz, nu));
+        let d21 = p.d.block(nz, 0, ny, nw);
         let (e, f) = if linalg::max_abs(&d22) == 0.0 {
             (Matrix::identity(nu, nu), Matrix::identity(ny, ny))
         } else {
@@ -372,23 +372,11 @@ impl<'a> Objective<'a> {
         let s = &closed.system;
         let n = s.states();
         let (nw, nz) = (channel.inputs.len(), channel.outputs.len());
-        let b = linalg::to_complex(&linalg::sub(&s.b, 0, channel.inputs.start, n, nw));
-        let c = linalg::to_complex(&linalg::sub(&s.c, channel.outputs.start, 0, nz, n));
-        let d = linalg::to_complex(&linalg::sub(&s.d, channel.outputs.start, channel.inputs.start, nz, nw));
-        let d_y = linalg::to_complex(&linalg::sub(
-            &closed.d_y,
-            0,
-            channel.inputs.start,
-            closed.d_y.nrows(),
-            nw,
-        ));
-        let d_u = linalg::to_complex(&linalg::sub(
-            &closed.d_u,
-            channel.outputs.start,
-            0,
-            nz,
-            closed.d_u.ncols(),
-        ));
+        let b = linalg::to_complex(&s.b.block(0, channel.inputs.start, n, nw));
+        let c = linalg::to_complex(&s.c.block(channel.outputs.start, 0, nz, n));
+        let d = linalg::to_complex(&s.d.block(channel.outputs.start, channel.inputs.start, nz, nw));
+        let d_y = linalg::to_complex(&closed.d_y.block(0, channel.inputs.start, closed.d_y.nrows(), nw));
+        let d_u = linalg::to_complex(&closed.d_u.block(channel.outputs.start, 0, nz, closed.d_u.ncols()));
         let (b_u, c_y) = (linalg::to_complex(&closed.b_u), linalg::to_complex(&closed.c_y));
         // States per input, and outputs per state, at this frequency; at infinite frequency there are none.
         let (states, co_states) = if omega.is_infinite() {

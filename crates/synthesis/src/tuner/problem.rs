@@ -129,8 +129,11 @@ impl ValidatedProblem {
             let (inputs, outputs) = (model.plant.inputs(), model.plant.outputs());
             let loop_part = StateSpace {
                 a: model.plant.a.clone(),
-                b: crate::linalg::sub(&model.plant.b, 0, inputs - model.controls, n, model.controls),
-                c: crate::linalg::sub(&model.plant.c, outputs - model.measurements, 0, model.measurements, n),
+                b: model.plant.b.block(0, inputs - model.controls, n, model.controls),
+                c: model
+                    .plant
+                    .c
+                    .block(outputs - model.measurements, 0, model.measurements, n),
                 d: Matrix::zeros(model.measurements, model.controls),
             };
             if let Some(&mode) = loop_part.fixed_unstable_modes(true)?.first() {
@@ -207,7 +210,7 @@ impl ValidatedProblem {
                 Some((left, right)) => (left.nrows(), right.ncols()),
                 None => g.block.kind.shape(),
             };
-            let part = crate::linalg::sub(in_k, g.block.row, g.block.column, rows, columns);
+            let part = in_k.block(g.block.row, g.block.column, rows, columns);
             let in_x = match transform {
                 Some((left, right)) => left.transpose() * part * right.transpose(),
                 None => part,

@@ -28,8 +28,8 @@ pub(super) fn start(checked: &ValidatedProblem) -> Result<Option<Vec<f64>>, Lina
     let p = &model.plant;
     let n = p.states();
     let (nw, nz) = (p.inputs() - model.controls, p.outputs() - model.measurements);
-    let measured = linalg::sub(&p.c, nz, 0, model.measurements, n);
-    let direct = linalg::sub(&p.d, nz, 0, model.measurements, p.inputs());
+    let measured = p.c.block(nz, 0, model.measurements, n);
+    let direct = p.d.block(nz, 0, model.measurements, p.inputs());
     if !is_full_gain
         || model.transforms[0].is_some()
         || linalg::max_abs(&direct) > 0.0
