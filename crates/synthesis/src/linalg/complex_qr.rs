@@ -4,7 +4,7 @@
 
 use nalgebra::{DMatrix, Hessenberg};
 
-use super::c64;
+use super::matrix::c64;
 use super::real_qr::{EXCEPTIONAL_EVERY, ITERATIONS_MAX, is_negligible, length};
 
 /// A matrix as `Q T Qᴴ`.

@@ -3,7 +3,10 @@
 use nalgebra::{DMatrix, SymmetricEigen};
 
 use super::complex_qr::{self, Schur};
-use super::{CMatrix, Dense, LinalgError, Matrix, Scalar, c64, check_finite, real_qr, to_complex};
+use super::construct::{check_finite, to_complex};
+use super::error::LinalgError;
+use super::matrix::{CMatrix, Dense, Matrix, Scalar, c64};
+use super::real_qr;
 
 /// Most iterations of a decomposition for each row of its matrix; three are usual.
 pub(super) const ITERATIONS_PER_ROW: usize = 60;
@@ -93,4 +96,16 @@ fn hermitian<T: Scalar>(m: &Dense<T>) -> Result<(Vec<f64>, Dense<T>), LinalgErro
     let values = order.iter().map(|&i| e.eigenvalues[i]).collect();
     let vectors = Dense::from_fn(size, size, |i, j| e.eigenvectors[(i, order[j])]);
     Ok((values, vectors))
+}
+
+/// Symmetric square root of a symmetric positive definite matrix.
+pub fn sqrt_spd(m: &Matrix) -> Result<Matrix, LinalgError> {
+    let (w, v) = symmetric_eigen(m)?;
+    let size = m.nrows();
+    if let Some(&least) = w.first().filter(|&&least| least <= 0.0) {
+        return Err(LinalgError::NotPositiveDefinite { size, least });
+    }
+    let root: Vec<f64> = w.iter().map(|x| x.sqrt()).collect();
+    let scaled = Matrix::from_fn(size, size, |i, j| v[(i, j)] * root[j]);
+    Ok(&scaled * v.transpose())
 }

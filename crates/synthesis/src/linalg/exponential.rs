@@ -1,6 +1,9 @@
 //! The exponential of a matrix.
 
-use super::{LinalgError, Matrix, check_finite, solve};
+use super::construct::check_finite;
+use super::error::LinalgError;
+use super::matrix::Matrix;
+use super::solve::solve;
 
 /// Matrix exponential by scaling and squaring with the [13/13] Padé approximant (Higham 2005, Algorithm 2.3).
 pub fn expm(a: &Matrix) -> Result<Matrix, LinalgError> {

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::{Dense, Scalar};
+use super::matrix::{Dense, Scalar};
 
 /// Columns of a block.
 const BLOCK: usize = 24;

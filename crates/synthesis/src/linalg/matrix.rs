@@ -5,8 +5,15 @@ use std::ops::{Add, AddAssign, Index, IndexMut, Mul, Sub};
 
 use nalgebra::{ComplexField, DMatrix};
 
-use super::c64;
 use super::product;
+
+/// A complex number, `re + j im`.
+#[allow(non_camel_case_types)]
+pub type c64 = num_complex::Complex64;
+/// A dense real matrix; `m[(row, column)]`.
+pub type Matrix = Dense<f64>;
+/// A dense complex matrix; `m[(row, column)]`.
+pub type CMatrix = Dense<c64>;
 
 /// A number that matrices are made of: `f64` or [`c64`].
 pub trait Scalar: ComplexField<RealField = f64> + Copy {

@@ -7,7 +7,7 @@
 use multibody::{F64x4, Real};
 use nalgebra::DMatrix;
 
-use super::c64;
+use num_complex::Complex64;
 
 /// Doubles of a vector.
 const LANES: usize = 4;
@@ -49,8 +49,8 @@ pub(super) fn real(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
 ///
 /// # Panics
 /// When the columns of `a` are not as many as the rows of `b`.
-pub(super) fn complex(a: &DMatrix<c64>, b: &DMatrix<c64>) -> DMatrix<c64> {
-    let parts = |x: &c64| [x.re, x.im];
+pub(super) fn complex(a: &DMatrix<Complex64>, b: &DMatrix<Complex64>) -> DMatrix<Complex64> {
+    let parts = |x: &Complex64| [x.re, x.im];
     let left = DMatrix::from_iterator(2 * a.nrows(), a.ncols(), a.iter().flat_map(parts));
     let right = DMatrix::from_fn(b.nrows(), 2 * b.ncols(), |i, j| {
         let entry = b[(i, j / 2)];
@@ -58,7 +58,7 @@ pub(super) fn complex(a: &DMatrix<c64>, b: &DMatrix<c64>) -> DMatrix<c64> {
     });
     let all = real(&left, &right);
     DMatrix::from_fn(a.nrows(), b.ncols(), |i, j| {
-        c64::new(
+        Complex64::new(
             all[(2 * i, 2 * j)] - all[(2 * i + 1, 2 * j + 1)],
             all[(2 * i + 1, 2 * j)] + all[(2 * i, 2 * j + 1)],
         )
@@ -222,14 +222,15 @@ mod tests {
     #[test]
     fn complex_product_is_sum_of_products_of_entries() {
         let mut rng = Rng::new(4, 0);
-        let mut matrix = |rows, columns| DMatrix::from_fn(rows, columns, |_, _| c64::new(rng.normal(), rng.normal()));
+        let mut matrix =
+            |rows, columns| DMatrix::from_fn(rows, columns, |_, _| Complex64::new(rng.normal(), rng.normal()));
         let (a, b) = (matrix(5, 11), matrix(11, 3));
         let found = complex(&a, &b);
         for ((i, j), entry) in (0..5)
             .flat_map(|i| (0..3).map(move |j| (i, j)))
             .map(|at| (at, found[at]))
         {
-            let expected: c64 = (0..11).map(|k| a[(i, k)] * b[(k, j)]).sum();
+            let expected: Complex64 = (0..11).map(|k| a[(i, k)] * b[(k, j)]).sum();
             assert!((entry - expected).norm() < 1e-13, "({i}, {j}): {entry} {expected}");
         }
     }

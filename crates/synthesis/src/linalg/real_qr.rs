@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, Hessenberg};
 
-use super::c64;
+use super::matrix::c64;
 
 /// Most iterations for one eigenvalue; two or three are usual.
 pub(super) const ITERATIONS_MAX: usize = 300;

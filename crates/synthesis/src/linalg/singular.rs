@@ -3,7 +3,8 @@
 use nalgebra::{Dyn, SVD};
 
 use super::eigen::ITERATIONS_PER_ROW;
-use super::{CMatrix, Dense, LinalgError, Matrix, Scalar};
+use super::error::LinalgError;
+use super::matrix::{CMatrix, Dense, Matrix, Scalar};
 
 /// Singular values of a complex matrix, largest first; a zero for an empty matrix.
 pub fn singular_values(m: &CMatrix) -> Result<Vec<f64>, LinalgError> {

@@ -2,7 +2,11 @@
 
 use nalgebra::DMatrix;
 
-use super::{CMatrix, Dense, LinalgError, Matrix, Scalar, check_finite, lu, symmetric_eigen};
+use super::construct::check_finite;
+use super::eigen::symmetric_eigen;
+use super::error::LinalgError;
+use super::lu;
+use super::matrix::{CMatrix, Dense, Matrix, Scalar};
 
 /// Solves `a x = b` for a real square `a`.
 pub fn solve(a: &Matrix, b: &Matrix) -> Result<Matrix, LinalgError> {

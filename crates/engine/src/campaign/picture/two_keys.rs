@@ -55,18 +55,32 @@ pub(crate) fn map_over_two_keys(picture: &Picture<'_>, x: &Column, y: &Column) -
             (_, None) => String::new(),
         },
     });
+    Map {
+        title: picture.title.to_owned(),
+        x_label: axis_label(x),
+        y_label: axis_label(y),
+        columns: across.iter().map(|value| without_unit(x, value)).collect(),
+        rows: down.iter().map(|value| without_unit(y, value)).collect(),
+        cells: cells.collect(),
+        legend: legend(picture, &positions, (!values.is_empty()).then_some([low, high]), folded),
+    }
+    .drawing()
+}
+
+/// What the colours and the texts of cells mean; `range` has the lowest and highest value of good cells, `folded` says that a cell
+/// has several points.
+fn legend(
+    picture: &Picture<'_>,
+    positions: &[PlotPosition<'_>],
+    range: Option<[f64; 2]>,
+    folded: bool,
+) -> Vec<(Option<Shade>, String)> {
     let (mut legend, word) = (Vec::new(), picture.word());
     let shown = picture.figure.map(|figure| (figure.words(), figure.unit.as_str()));
-    match &shown {
-        Some((name, unit)) if !values.is_empty() => {
-            legend.push((
-                Some(Shade::Good(0.0)),
-                format!("{word}, {name} {} {unit}", three_digits(low)),
-            ));
-            legend.push((
-                Some(Shade::Good(1.0)),
-                format!("{word}, {name} {} {unit}", three_digits(high)),
-            ));
+    match (&shown, range) {
+        (Some((name, unit)), Some(range)) => {
+            let text = |value: f64| format!("{word}, {name} {} {unit}", three_digits(value));
+            legend.extend([0.0, 1.0].map(Shade::Good).map(Some).into_iter().zip(range.map(text)));
         }
         _ => legend.push((Some(Shade::Good(0.0)), word.to_owned())),
     }
@@ -84,16 +98,7 @@ pub(crate) fn map_over_two_keys(picture: &Picture<'_>, x: &Column, y: &Column) -
         )),
         None => {}
     }
-    Map {
-        title: picture.title.to_owned(),
-        x_label: axis_label(x),
-        y_label: axis_label(y),
-        columns: across.iter().map(|value| without_unit(x, value)).collect(),
-        rows: down.iter().map(|value| without_unit(y, value)).collect(),
-        cells: cells.collect(),
-        legend,
-    }
-    .drawing()
+    legend
 }
 
 /// The values of a column: numbers by size, texts in order of occurrence.
