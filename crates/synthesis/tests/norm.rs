@@ -30,6 +30,32 @@ fn resonance_peak_follows_the_formula() {
     }
 }
 
+/// A loop of large gains that nearly cancel: rounding error of the Hamiltonian's eigenvalues, here of any library, moves crossings close
+/// to the peak off the axis by a twentieth of their frequency. Expected value: bisection of the gain with 40 digits (mpmath 1.3).
+#[test]
+fn flat_peak_of_ill_conditioned_loop_is_found() {
+    let u = [-1602556.1005679965, -1025479.5184931747, -320511.2201135993];
+    let rows = |rows: &[[f64; 3]]| from_rows(&rows.iter().map(|row| row.to_vec()).collect::<Vec<_>>()).unwrap();
+    let g = StateSpace::new(
+        rows(&[
+            [0.0, 1.0, 0.0],
+            [2.0 + u[0], 0.3 + u[1], 1.0 + u[2]],
+            [0.5 + 0.5 * u[0], 0.5 * u[1], -1.0 + 0.5 * u[2]],
+        ]),
+        Matrix::identity(3, 3),
+        rows(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], u]),
+        Matrix::zeros(4, 3),
+    )
+    .unwrap();
+    for tolerance in [1e-6, 1e-7, 1e-8, 1e-9, 1e-10] {
+        assert_close(
+            hinf_norm(&g, tolerance).unwrap().gain,
+            1.6327788215471136,
+            tolerance.max(1e-9),
+        );
+    }
+}
+
 /// Peaks at zero and at infinite frequency, and one hidden below a larger static gain elsewhere.
 #[test]
 fn peaks_at_the_ends_of_the_axis() {
