@@ -1,6 +1,6 @@
 //! Dense real and complex matrices, and the handful of decompositions the rest of the crate needs.
 //!
-//! This is the only module that calls nalgebra. Everything runs on one thread, in the order that the code says, so a result has
+//! This is the only module of the crate that calls nalgebra. Everything runs on one thread, in the order that the code says, so a result has
 //! the same bits on every processor.
 
 mod complex_qr;

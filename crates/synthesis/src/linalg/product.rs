@@ -6,7 +6,6 @@
 
 use multibody::{F64x4, Real};
 use nalgebra::DMatrix;
-
 use num_complex::Complex64;
 
 /// Doubles of a vector.
