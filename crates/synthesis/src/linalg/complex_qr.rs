@@ -1,11 +1,11 @@
 //! The Schur form of a complex matrix by the QR iteration with single shifts.
 //!
-//! Sources: Golub and Van Loan 2013, sections 7.4 and 7.5; Wilkinson's shift, exceptional ones and deflation as in `real_qr`.
+//! Sources: Golub and Van Loan 2013, sections 7.4 and 7.5; with Wilkinson's shift and exceptional ones.
 
-use nalgebra::{DMatrix, Hessenberg};
+use nalgebra::{ComplexField, DMatrix, Hessenberg};
 
+use super::deflation::{EXCEPTIONAL_EVERY, ITERATIONS_MAX, active_start, length};
 use super::matrix::c64;
-use super::real_qr::{EXCEPTIONAL_EVERY, ITERATIONS_MAX, is_negligible, length};
 
 /// A matrix as `Q T Qᴴ`.
 pub(super) struct Schur {
@@ -51,49 +51,20 @@ pub(super) fn schur(m: DMatrix<c64>, vectors: bool) -> Option<Schur> {
     Some(form)
 }
 
-/// |re| + |im|: as good a size as the modulus, and cheaper.
-fn size(x: c64) -> f64 {
-    x.re.abs() + x.im.abs()
-}
-
-/// The first row of the active block that ends before `end`: the subdiagonal entry before it is negligible, and set to zero.
-fn active_start(h: &mut DMatrix<c64>, end: usize) -> usize {
-    let n = h.nrows();
-    for k in (1..end).rev() {
-        let mut neighbours = size(h[(k - 1, k - 1)]) + size(h[(k, k)]);
-        if neighbours == 0.0 {
-            neighbours += if k >= 2 { size(h[(k - 1, k - 2)]) } else { 0.0 };
-            neighbours += if k + 1 < n { size(h[(k + 1, k)]) } else { 0.0 };
-        }
-        let gap = size(h[(k - 1, k - 1)] - h[(k, k)]);
-        if is_negligible(
-            size(h[(k, k - 1)]),
-            size(h[(k - 1, k)]),
-            size(h[(k, k)]),
-            gap,
-            neighbours,
-        ) {
-            h[(k, k - 1)] = c64::new(0.0, 0.0);
-            return k;
-        }
-    }
-    0
-}
-
 /// The eigenvalue of the last two rows that is closer to the last entry; every now and then another shift, which leaves a cycle.
 fn shift(h: &DMatrix<c64>, start: usize, end: usize, iteration: usize) -> c64 {
     let last = end - 1;
     if iteration.is_multiple_of(2 * EXCEPTIONAL_EVERY) {
-        return h[(last, last)] + 0.75 * size(h[(last, last - 1)]);
+        return h[(last, last)] + 0.75 * h[(last, last - 1)].norm1();
     }
     if iteration.is_multiple_of(EXCEPTIONAL_EVERY) {
-        return h[(start, start)] + 0.75 * size(h[(start + 1, start)]);
+        return h[(start, start)] + 0.75 * h[(start + 1, start)].norm1();
     }
     let corner = h[(last, last)];
     let geometric = h[(last - 1, last)].sqrt() * h[(last, last - 1)].sqrt();
     let half = (h[(last - 1, last - 1)] - corner) * 0.5;
-    let scale = size(geometric).max(size(half));
-    if size(geometric) == 0.0 {
+    let scale = geometric.norm1().max(half.norm1());
+    if geometric.norm1() == 0.0 {
         return corner;
     }
     let (x, u) = (half / scale, geometric / scale);
@@ -115,10 +86,10 @@ impl Schur {
         // The sweep can begin below two consecutive small subdiagonal entries.
         let mut m = end - 2;
         while m > start {
-            let (first, below) = (size(h[(m, m)] - shift), size(h[(m + 1, m)]));
+            let (first, below) = ((h[(m, m)] - shift).norm1(), h[(m + 1, m)].norm1());
             let sum = first + below;
-            let around = size(h[(m, m)]) + size(h[(m + 1, m + 1)]);
-            if sum > 0.0 && size(h[(m, m - 1)]) * (below / sum) <= f64::EPSILON * (first / sum) * around {
+            let around = h[(m, m)].norm1() + h[(m + 1, m + 1)].norm1();
+            if sum > 0.0 && h[(m, m - 1)].norm1() * (below / sum) <= f64::EPSILON * (first / sum) * around {
                 break;
             }
             m -= 1;

@@ -9,45 +9,41 @@ const BLOCK: usize = 24;
 
 /// Solves `a x = b`; `None` where a pivot is zero or not finite.
 pub(super) fn solve<T: Scalar>(a: &Dense<T>, b: &Dense<T>) -> Option<Dense<T>> {
-    let (mut a, mut x) = (a.0.clone(), b.0.clone());
-    let n = a.nrows();
+    let (mut a, mut x) = (a.clone(), b.clone());
+    let (n, columns) = (a.nrows(), x.ncols());
     for first in (0..n).step_by(BLOCK) {
         let next = (first + BLOCK).min(n);
-        factor_panel(&mut a, &mut x, first, next)?;
+        factor_panel(&mut a.0, &mut x.0, first, next)?;
         for column in next..n {
-            substitute_forward(&mut a, None, first, next, column);
+            let (lower, rest) = a.0.as_mut_slice().split_at_mut(column * n);
+            substitute_forward(lower, &mut rest[..n], first, next);
         }
-        for column in 0..x.ncols() {
-            substitute_forward(&mut a, Some(&mut x), first, next, column);
+        for column in 0..columns {
+            substitute_forward(a.0.as_slice(), x.column_mut(column), first, next);
         }
         if next < n {
-            let below = block(&a, next..n, first..next);
-            let beside = block(&a, first..next, next..n);
-            let update = T::product(&below, &beside);
-            let mut rest = a.view_mut((next, next), (n - next, n - next));
-            rest -= update;
-            let update = T::product(&below, &block(&x, first..next, 0..x.ncols()));
-            let mut rest = x.rows_mut(next, n - next);
-            rest -= update;
+            let (height, width) = (n - next, next - first);
+            let below = a.block(next, first, height, width);
+            let update = &below * a.block(first, next, width, height);
+            let mut rest = a.0.view_mut((next, next), (height, height));
+            rest -= update.0;
+            let update = below * x.block(first, 0, width, columns);
+            let mut rest = x.0.rows_mut(next, height);
+            rest -= update.0;
         }
     }
     for first in (0..n).step_by(BLOCK).rev() {
         let next = (first + BLOCK).min(n);
-        for column in 0..x.ncols() {
-            substitute_back(&a, &mut x, first, next, column);
+        for column in 0..columns {
+            substitute_back(a.0.as_slice(), x.column_mut(column), first, next);
         }
         if first > 0 {
-            let update = T::product(&block(&a, 0..first, first..next), &block(&x, first..next, 0..x.ncols()));
-            let mut rest = x.rows_mut(0, first);
-            rest -= update;
+            let update = a.block(0, first, first, next - first) * x.block(first, 0, next - first, columns);
+            let mut rest = x.0.rows_mut(0, first);
+            rest -= update.0;
         }
     }
-    Some(Dense(x))
-}
-
-fn block<T: Scalar>(m: &DMatrix<T>, rows: std::ops::Range<usize>, columns: std::ops::Range<usize>) -> DMatrix<T> {
-    m.view((rows.start, columns.start), (rows.len(), columns.len()))
-        .into_owned()
+    Some(x)
 }
 
 /// Factors the columns `first..next` from row `first` on; its exchanges of rows reach all of `a` and `x`.
@@ -92,32 +88,17 @@ fn subtract_multiple<T: Scalar>(column: &mut [T], factored: &[T], j: usize) {
     }
 }
 
-/// Solves with the unit lower triangle of the block for a column of `x`, or of `a` itself.
-fn substitute_forward<T: Scalar>(
-    a: &mut DMatrix<T>,
-    x: Option<&mut DMatrix<T>>,
-    first: usize,
-    next: usize,
-    column: usize,
-) {
-    let n = a.nrows();
-    let (lower, target) = match x {
-        Some(x) => (a.as_slice(), &mut x.as_mut_slice()[column * n..]),
-        None => {
-            let (lower, rest) = a.as_mut_slice().split_at_mut(column * n);
-            (&*lower, rest)
-        }
-    };
+/// Solves with the unit lower triangle of the block, whose columns are in `lower`, for a column.
+fn substitute_forward<T: Scalar>(lower: &[T], target: &mut [T], first: usize, next: usize) {
+    let n = target.len();
     for j in first..next {
         subtract_multiple(&mut target[..next], &lower[j * n..j * n + next], j);
     }
 }
 
-/// Solves with the upper triangle of the block for a column of `x`.
-fn substitute_back<T: Scalar>(a: &DMatrix<T>, x: &mut DMatrix<T>, first: usize, next: usize, column: usize) {
-    let n = a.nrows();
-    let upper = a.as_slice();
-    let target = &mut x.as_mut_slice()[column * n..(column + 1) * n];
+/// Solves with the upper triangle of the block, whose columns are in `upper`, for a column.
+fn substitute_back<T: Scalar>(upper: &[T], target: &mut [T], first: usize, next: usize) {
+    let n = target.len();
     for j in (first..next).rev() {
         target[j] /= upper[j * n + j];
         let factor = target[j];

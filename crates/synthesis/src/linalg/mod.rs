@@ -5,6 +5,7 @@
 
 mod complex_qr;
 mod construct;
+mod deflation;
 mod eigen;
 mod error;
 mod exponential;

@@ -1,17 +1,13 @@
 //! Eigenvalues of a real matrix by the QR iteration with implicit double shifts.
 //!
-//! Sources: Francis 1961; Golub and Van Loan 2013, section 7.5; deflation by Ahues and Tisseur 1997. Only the active block is
+//! Sources: Francis 1961; Golub and Van Loan 2013, section 7.5. Only the active block is
 //! updated, since no Schur form is wanted. nalgebra's iteration has no exceptional shifts and never ends on loops with samples in
 //! transit, whose matrices are close to nilpotent ones.
 
 use nalgebra::{DMatrix, Hessenberg};
 
+use super::deflation::{EXCEPTIONAL_EVERY, ITERATIONS_MAX, active_start, length};
 use super::matrix::c64;
-
-/// Most iterations for one eigenvalue; two or three are usual.
-pub(super) const ITERATIONS_MAX: usize = 300;
-/// After so many iterations without a deflation the shift is an exceptional one.
-pub(super) const EXCEPTIONAL_EVERY: usize = 10;
 
 /// The eigenvalues of a real square matrix of finite entries; `None` where the iteration does not converge.
 pub(super) fn eigenvalues(m: DMatrix<f64>) -> Option<Vec<c64>> {
@@ -49,41 +45,6 @@ pub(super) fn eigenvalues(m: DMatrix<f64>) -> Option<Vec<c64>> {
         iteration = 0;
     }
     Some(values)
-}
-
-/// The first row of the active block that ends before `end`: the subdiagonal entry before it is negligible, and set to zero.
-fn active_start(h: &mut DMatrix<f64>, end: usize) -> usize {
-    let n = h.nrows();
-    for k in (1..end).rev() {
-        let below = h[(k, k - 1)].abs();
-        let mut neighbours = h[(k - 1, k - 1)].abs() + h[(k, k)].abs();
-        if neighbours == 0.0 {
-            neighbours += if k >= 2 { h[(k - 1, k - 2)].abs() } else { 0.0 };
-            neighbours += if k + 1 < n { h[(k + 1, k)].abs() } else { 0.0 };
-        }
-        let above = h[(k - 1, k)].abs();
-        let gap = (h[(k - 1, k - 1)] - h[(k, k)]).abs();
-        if is_negligible(below, above, h[(k, k)].abs(), gap, neighbours) {
-            h[(k, k - 1)] = 0.0;
-            return k;
-        }
-    }
-    0
-}
-
-/// Whether a subdiagonal entry can be taken for zero without changing the eigenvalues by more than rounding error: relative to the
-/// diagonal entries beside it (`neighbours`), and in the product with the entry `above` the diagonal (Ahues and Tisseur).
-pub(super) fn is_negligible(below: f64, above: f64, diagonal: f64, gap: f64, neighbours: f64) -> bool {
-    if below <= f64::MIN_POSITIVE / f64::EPSILON {
-        return true;
-    }
-    if below > f64::EPSILON * neighbours {
-        return false;
-    }
-    let (larger, smaller) = (below.max(above), below.min(above));
-    let (wide, narrow) = (diagonal.max(gap), diagonal.min(gap));
-    let sum = wide + larger;
-    smaller * (larger / sum) <= (f64::EPSILON * (narrow * (wide / sum))).max(f64::MIN_POSITIVE)
 }
 
 /// The two eigenvalues of `[a b; c d]`.
@@ -206,17 +167,6 @@ fn sweep(h: &mut DMatrix<f64>, start: usize, end: usize, shifts: Shifts) {
         } else {
             reflect::<2>(h, k, [1.0, w[0]], tau, start, end);
         }
-    }
-}
-
-/// The Euclidean length, also where squares overflow or vanish.
-pub(super) fn length(v: [f64; 3]) -> f64 {
-    let largest = v[0].abs().max(v[1].abs()).max(v[2].abs());
-    let of = |v: [f64; 3]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-    match largest {
-        0.0 => 0.0,
-        1e-140..1e140 => of(v),
-        _ => largest * of(v.map(|x| x / largest)),
     }
 }
 
