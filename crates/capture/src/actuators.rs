@@ -28,6 +28,7 @@ pub fn single_failure_cases(
 ) -> Result<Cases, CasesError> {
     let refuse = |reason: &str| CasesError {
         path: file.to_owned(),
+        line: None,
         reason: reason.to_owned(),
     };
     let plant = builtin(scenario, "plant")

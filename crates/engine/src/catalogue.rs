@@ -211,6 +211,7 @@ impl Catalogue {
             Some(list) => list(scenario, file, at, informed),
             None => Err(CasesError {
                 path: file.to_owned(),
+                line: None,
                 reason: "this program has no list of failures: list the cases in a file and give it with --cases"
                     .into(),
             }),

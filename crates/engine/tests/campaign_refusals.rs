@@ -201,6 +201,22 @@ fn title_of_a_campaign_is_one_line_without_control_characters() {
 }
 
 #[test]
+fn entry_by_number_and_by_name_is_one_key() {
+    let files = Files::new("refused-entry");
+    let dispersion = |name: &str, key: &str| {
+        format!("[vary.{name}]\nkey = '{key}.extra-delay'\ndistribution = 'constant'\nvalue = '2 ms'\n")
+    };
+    for (first, second) in [("faults.1", "faults.late"), ("faults.late", "faults.1")] {
+        let campaign = format!("points = 3\n{}{}", dispersion("x", first), dispersion("y", second));
+        refused(
+            &files,
+            &campaign,
+            &["vary.y.key", "replaces what `x` gives `faults.late.extra-delay`"],
+        );
+    }
+}
+
+#[test]
 fn invalid_campaign_is_refused_with_its_key() {
     let files = Files::new("refused-whole");
     let two = format!(

@@ -80,7 +80,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     // Where values are drawn, the first point may be an impossible one; the values of a grid were all given by the user.
     let tries = if file.is_some() { TRIES_MAX } else { 1 };
     let known = known_figures(&campaign, tries).map_err(|error| match &file {
-        Some(file) => file.attribute_mistake(&plan, &scenario, error, tries.min(campaign.points.len())),
+        Some(file) => file.attribute_mistake(&plan, error, tries.min(campaign.points.len())),
         None => error,
     })?;
     let figures = known.ordered();

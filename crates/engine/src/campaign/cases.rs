@@ -13,10 +13,12 @@ use crate::text::check_title;
 
 /// A mistake in a list of cases.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}: {reason}", path.display())]
+#[error("{}{}: {reason}", path.display(), line.map_or_else(String::new, |line| format!(":{line}")))]
 pub struct CasesError {
     /// The file: the list, or the scenario.
     pub path: PathBuf,
+    /// The line in it, from 1, where one is wrong.
+    pub line: Option<usize>,
     /// The mistake, and the remedy.
     pub reason: String,
 }
@@ -66,48 +68,57 @@ pub struct Cases {
 /// # Errors
 /// Names the case and the key.
 pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> {
-    let refuse = |reason: String| CasesError {
+    let refuse_at = |line: Option<usize>, reason: String| CasesError {
         path: path.to_owned(),
+        line,
         reason,
     };
-    let text = std::fs::read_to_string(path).map_err(|error| refuse(format!("cannot be read: {error}")))?;
+    let text = std::fs::read_to_string(path).map_err(|error| refuse_at(None, format!("cannot be read: {error}")))?;
     let list: CasesFile = toml::from_str(&text).map_err(|error| {
-        let line = error.span().map_or(0, |span| text[..span.start].lines().count().max(1));
-        refuse(format!("line {line}: {}", error.message()))
+        let line = error.span().map(|span| text[..span.start].lines().count().max(1));
+        refuse_at(line, error.message().to_owned())
     })?;
-    check_title(&list.title).map_err(|reason| refuse(format!("title: {reason}")))?;
+    let lines = KeyLines::of(&text);
+    check_title(&list.title).map_err(|reason| refuse_at(lines.line("title"), format!("title: {reason}")))?;
     if list.case.is_empty() {
-        return Err(refuse("has no [[case]]".into()));
+        return Err(refuse_at(None, "has no [[case]]".into()));
     }
     let columns = columns(&list.case);
     let (mut names, mut points) = (Vec::new(), Vec::new());
-    for case in list.case {
-        let refuse = |reason: String| refuse(format!("case `{}`: {reason}", case.name));
+    for (at, case) in list.case.into_iter().enumerate() {
+        let place = format!("case.{}", at + 1);
+        let name_line = lines.line(&format!("{place}.name"));
+        check_title(&case.name).map_err(|reason| refuse_at(name_line, format!("{place}.name: {reason}")))?;
         if names.contains(&case.name) {
-            return Err(refuse("there is another case of that name".into()));
+            let name = &case.name;
+            let reason = format!("{place}.name: another case is called `{name}` too: choose another name");
+            return Err(refuse_at(name_line, reason));
         }
+        let refuse = |part: &str, reason: String| {
+            let line = lines.line(&format!("{place}.{part}"));
+            refuse_at(line, format!("case `{}`: {reason}", case.name))
+        };
         let mut changes: Vec<String> = case.set.iter().map(|(key, value)| format!("{key}={value}")).collect();
-        let mut add = |key: &str, more: Vec<Value>| -> Result<(), CasesError> {
-            changes.push(appended(scenario, key, more).map_err(refuse)?);
+        let mut add = |part: &str, key: &str, more: Vec<Value>| -> Result<(), CasesError> {
+            changes.push(appended(scenario, key, more).map_err(|reason| refuse(part, reason))?);
             Ok(())
         };
         for (key, more) in &case.append {
             let Value::Array(more) = more else {
-                return Err(refuse(format!("append.\"{key}\" is {}: write a list", more.type_str())));
+                let reason = format!("append.\"{key}\" is {}: write a list", more.type_str());
+                return Err(refuse("append", reason));
             };
-            add(key, more.clone())?;
+            add("append", key, more.clone())?;
         }
         let tables = |tables: Vec<Table>| tables.into_iter().map(Value::Table).collect::<Vec<_>>();
         if !case.actuators.is_empty() {
             let plant = builtin(scenario, "plant")
-                .ok_or_else(|| refuse("`actuators`: the scenario has no stock plant".into()))?;
-            add(
-                &format!("participants.{plant}.parameters.faults"),
-                tables(case.actuators),
-            )?;
+                .ok_or_else(|| refuse("actuators", "`actuators`: the scenario has no stock plant".into()))?;
+            let key = format!("participants.{plant}.parameters.faults");
+            add("actuators", &key, tables(case.actuators))?;
         }
         if !case.faults.is_empty() {
-            add("faults", tables(case.faults))?;
+            add("faults", "faults", tables(case.faults))?;
         }
         names.push(case.name);
         points.push(changes);

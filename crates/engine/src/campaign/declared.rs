@@ -7,12 +7,11 @@ use std::collections::BTreeMap;
 use lockstep::units::{Dimension, unit_factor};
 use sampling::design::{Coordinate, DIMENSIONS};
 use sampling::subset::Candidate;
-use toml::Table;
 
 use super::POINTS_MAX;
 use super::cell::{Head, Point};
 use super::column::{LEVEL, MATRIX, PARENT, ROW, SEED};
-use super::dispersions::{Design, DimensionedValue, Dispersion, Quantity, ValueSource, keys_overlap, with_entry_names};
+use super::dispersions::{Design, DimensionedValue, Dispersion, Quantity, ValueSource, keys_overlap};
 use point_builder::PointBuilder;
 
 /// Dispersions with their designs.
@@ -231,14 +230,10 @@ impl Declared {
         &self.dispersions
     }
 
-    /// The dispersion that sets the `key` of `scenario`, a table around it, or a key in it.
-    pub fn sets(&self, scenario: &Table, key: &str) -> Option<&Dispersion> {
+    /// The dispersion that sets the `key` of the scenario, a table around it, or a key in it.
+    pub fn sets(&self, key: &str) -> Option<&Dispersion> {
         let mut all = self.dispersions.iter();
-        all.find(|one| {
-            one.targets
-                .iter()
-                .any(|target| keys_overlap(&with_entry_names(scenario, &target.key), key))
-        })
+        all.find(|one| one.targets.iter().any(|target| keys_overlap(&target.key, key)))
     }
 
     /// The names of the dispersions whose Sobol' indices can be estimated, in the order of the matrices AB; `None` without

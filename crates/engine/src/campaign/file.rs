@@ -333,14 +333,7 @@ impl CampaignFile {
     }
 
     /// A mistake that affects all points that were tried, assigned to the dispersion that causes it.
-    /// `scenario` is the one that all points change.
-    pub fn attribute_mistake(
-        &self,
-        plan: &Plan,
-        scenario: &Scenario,
-        error: CampaignError,
-        tried: usize,
-    ) -> CampaignError {
+    pub fn attribute_mistake(&self, plan: &Plan, error: CampaignError, tried: usize) -> CampaignError {
         let Plan::Declared(declared) = plan else { return error };
         let all = format!("all of the first {tried} points are refused, the first with");
         let assigned: Option<Vec<Mistake>> = match &error {
@@ -350,7 +343,7 @@ impl CampaignFile {
             CampaignError::Scenario(ScenarioError { mistakes, .. }) => mistakes
                 .iter()
                 .map(|mistake| {
-                    let key = format!("vary.{}", declared.sets(scenario.resolved(), &mistake.key)?.name);
+                    let key = format!("vary.{}", declared.sets(&mistake.key)?.name);
                     Some(self.mistake(&key, format!("{all} {}: {}", mistake.key, mistake.reason)))
                 })
                 .collect(),

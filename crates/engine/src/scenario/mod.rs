@@ -32,7 +32,7 @@ pub(crate) use file_references::{FileReference, visit_file_references, visit_fil
 pub(crate) use initial::{hexadecimal, payload};
 pub(crate) use key_lines::KeyLines;
 pub use measures::{DeclaredMeasure, measures_of_file, measures_of_plan};
-pub use names::{ORCHESTRATOR, fault_name};
+pub use names::{ORCHESTRATOR, fault_name, find_entry};
 pub(crate) use ports::port_of;
 pub use program::{Program, in_path};
 pub use resolve::Scenario;

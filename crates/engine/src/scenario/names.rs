@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use toml::Value;
+
 /// The program's own name where participants are named.
 pub const ORCHESTRATOR: &str = "orchestrator";
 
@@ -57,4 +59,20 @@ pub(super) fn unknown<'a>(what: &str, name: &str, known: impl ExactSizeIterator<
 /// The name of a fault: its own, or one made of its number in the list, from 1.
 pub fn fault_name(own: Option<&str>, position: usize) -> String {
     own.map_or_else(|| format!("fault-{}", position + 1), str::to_owned)
+}
+
+/// The position and the name of the table in `list` that a key addresses as `part`: by its name, else by its number, from 1.
+pub fn find_entry(list: &[Value], part: &str) -> Option<(usize, String)> {
+    let position = list
+        .iter()
+        .enumerate()
+        .position(|(at, item)| entry_name(item, at) == part);
+    let position = position.or_else(|| part.parse::<usize>().ok()?.checked_sub(1))?;
+    let item = list.get(position).filter(|item| item.is_table())?;
+    Some((position, entry_name(item, position)))
+}
+
+/// The name of the entry `item` at `position` of a list.
+pub fn entry_name(item: &Value, position: usize) -> String {
+    fault_name(item.get("name").and_then(Value::as_str), position)
 }

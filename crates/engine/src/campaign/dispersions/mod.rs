@@ -12,6 +12,6 @@ mod vectors;
 
 pub use dispersion::{DESIGNS, Design, Dispersion, Mode, Target};
 pub use formula::{DimensionedValue, Formula};
-pub use quantity::{Quantity, at_key, keys_overlap, with_entry_names};
+pub use quantity::{Quantity, at_key, keys_overlap};
 pub use read::{Context, read_dispersion};
 pub use value_source::{AttitudeFormat, SampledValue, ValueSource, label_of};

@@ -3,7 +3,7 @@
 use lockstep::units::{convert, unit_in};
 use toml::{Table, Value};
 
-use crate::scenario::fault_name;
+use crate::scenario::find_entry;
 
 /// One number or a list of numbers, with their unit.
 #[derive(Debug, Clone, PartialEq)]
@@ -142,23 +142,14 @@ pub fn with_entry_names(table: &Table, key: &str) -> String {
         } else {
             at_key(table, &parts[..depth].join("."))
         };
-        let own = above
-            .and_then(Value::as_array)
-            .and_then(|items| named_entry(items, part));
-        own.map_or_else(|| (*part).to_owned(), |(name, _)| name)
+        let own = above.and_then(Value::as_array).and_then(|items| {
+            let (position, name) = find_entry(items, part)?;
+            // Another entry may have the same name, or one that a key cannot contain.
+            (find_entry(items, &name)?.0 == position && !name.contains('.')).then_some(name)
+        });
+        own.unwrap_or_else(|| (*part).to_owned())
     });
     named.collect::<Vec<_>>().join(".")
-}
-
-/// The entry of a list of tables with that name or number, from 1, and its name.
-fn named_entry<'a>(items: &'a [Value], part: &str) -> Option<(String, &'a Value)> {
-    let mut named = items.iter().enumerate().map(|(position, item)| {
-        let own = item.get("name").and_then(Value::as_str);
-        (position, fault_name(own, position), item)
-    });
-    let found =
-        named.find(|(position, name, item)| item.is_table() && (name == part || (position + 1).to_string() == part));
-    found.map(|(_, name, item)| (name, item))
 }
 
 /// The value at the dotted `key`. Entries of lists of tables are addressed by name or by number, from 1.
@@ -167,7 +158,7 @@ pub fn at_key<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
     let first = table.get(parts.next()?)?;
     parts.try_fold(first, |value, part| match value {
         Value::Table(table) => table.get(part),
-        Value::Array(items) => named_entry(items, part).map(|(_, item)| item),
+        Value::Array(items) => find_entry(items, part).map(|(position, _)| &items[position]),
         _ => None,
     })
 }

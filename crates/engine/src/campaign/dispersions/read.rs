@@ -8,7 +8,7 @@ use toml::{Table, Value};
 
 use super::column;
 use super::keys::{KeyReader, valid_or_record};
-use super::quantity::{Quantity, RoundingStep, at_key};
+use super::quantity::{Quantity, RoundingStep, at_key, with_entry_names};
 use super::value_source::label_of;
 use super::vectors::{attitude, correlated, direction, inertia};
 use super::{DESIGNS, DimensionedValue, Dispersion, Formula, Mode, Target, ValueSource};
@@ -77,7 +77,7 @@ fn check_name(name: &str, keys: &mut KeyReader<'_>) {
 pub fn read_dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Dispersion, Vec<(String, String)>> {
     let mut keys = KeyReader::new(table);
     check_name(name, &mut keys);
-    let targets = targets(&mut keys);
+    let targets = targets(&mut keys, context.scenario);
     let nominals: Vec<Option<Quantity>> = targets
         .iter()
         .map(|target| at_key(context.scenario, &target.key).and_then(Quantity::of))
@@ -154,8 +154,8 @@ pub fn read_dispersion(name: &str, table: &Table, context: &Context<'_>) -> Resu
     }
 }
 
-/// `a.b.c` and `a.b.c[2]`.
-fn targets(keys: &mut KeyReader<'_>) -> Vec<Target> {
+/// `a.b.c` and `a.b.c[2]`. Entries of lists are called by their names, so that two ways of writing a key are one target.
+fn targets(keys: &mut KeyReader<'_>, scenario: &Table) -> Vec<Target> {
     let texts: Vec<&str> = match keys.value("key") {
         None => Vec::new(),
         Some(Value::String(one)) => vec![one],
@@ -172,11 +172,11 @@ fn targets(keys: &mut KeyReader<'_>) -> Vec<Target> {
     };
     let read = |text: &str| match text.strip_suffix(']').and_then(|text| text.split_once('[')) {
         Some((key, element)) => Some(Target {
-            key: key.to_owned(),
+            key: with_entry_names(scenario, key),
             element: Some(element.parse().ok()?),
         }),
         None => Some(Target {
-            key: text.to_owned(),
+            key: with_entry_names(scenario, text),
             element: None,
         }),
     };

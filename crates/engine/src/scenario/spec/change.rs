@@ -6,7 +6,7 @@ use super::fault_text;
 use super::origin::Origin;
 use super::scenario_spec::FOLDER;
 use crate::scenario::error::Mistake;
-use crate::scenario::names::fault_name;
+use crate::scenario::names::{self, entry_name, fault_name};
 use crate::scenario::value::{checked_value, keep_decimal};
 
 /// How a change was made: the end of a message about it.
@@ -115,16 +115,10 @@ fn add_fault(table: &mut Table, origin: &mut Origin, text: &str, how: &'static s
 
 /// An entry of a list of tables, by its name or its number, from 1; with its name.
 fn find_entry<'a>(list: &'a mut [Value], name: Option<&str>, how: &str) -> Result<(String, &'a mut Table), String> {
-    let names: Vec<String> = list
-        .iter()
-        .enumerate()
-        .map(|(position, item)| fault_name(item.get("name").and_then(Value::as_str), position))
-        .collect();
     let wanted = name.unwrap_or_default();
-    let at = names.iter().position(|own| own == wanted);
-    let number = || wanted.parse::<usize>().ok()?.checked_sub(1);
-    let at = at.or_else(number);
-    let found = at.and_then(|at| Some((names.get(at)?.clone(), list.get_mut(at)?.as_table_mut()?)));
+    let names: Vec<String> = (0..).zip(&*list).map(|(at, item)| entry_name(item, at)).collect();
+    let found = names::find_entry(list, wanted);
+    let found = found.and_then(|(at, name)| Some((name, list.get_mut(at)?.as_table_mut()?)));
     found.ok_or_else(|| {
         let known: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
         let known = known.join(", ");

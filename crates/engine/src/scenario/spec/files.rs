@@ -9,7 +9,7 @@ use super::run::RunSpec;
 use super::scenario_spec::ScenarioSpec;
 use super::text::line_of;
 use crate::scenario::error::{Mistake, ScenarioError};
-use crate::scenario::names::fault_name;
+use crate::scenario::names::{entry_name, fault_name};
 
 /// Includes files in a scenario's table; relative paths are relative to `folder`.
 pub(super) fn include_files(table: &mut Table, folder: &Path, origin: &mut Origin) -> Result<(), ScenarioError> {
@@ -32,7 +32,7 @@ pub(super) fn include_files(table: &mut Table, folder: &Path, origin: &mut Origi
     }
     let faults = table.get_mut("faults").and_then(Value::as_array_mut);
     for (position, fault) in faults.into_iter().flatten().enumerate() {
-        let name = fault_name(fault.get("name").and_then(Value::as_str), position);
+        let name = entry_name(fault, position);
         include(fault, &format!("faults.{name}"), folder, &mut files, &mut mistakes);
     }
     origin.files.extend(files);

@@ -20,7 +20,7 @@ use super::scenario_spec::{FOLDER, ScenarioSpec, folder_of};
 use super::text;
 use super::time::Time;
 use crate::scenario::error::{Mistake, ScenarioError};
-use crate::scenario::names::fault_name;
+use crate::scenario::names::{entry_name, fault_name};
 
 /// The keys at the top level of the file.
 #[derive(Deserialize)]
@@ -174,7 +174,7 @@ impl PartialScenario {
         );
         let mut faults = Vec::new();
         for (position, value) in top.faults.into_iter().enumerate() {
-            let name = fault_name(value.get("name").and_then(Value::as_str), position);
+            let name = entry_name(&value, position);
             match deserialize_at::<FaultSpec>(&origin, &format!("faults.{name}"), value) {
                 Ok(fault) => faults.push(fault),
                 Err(mistake) => {
