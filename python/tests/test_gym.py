@@ -1,5 +1,6 @@
 """Environments of gymnasium."""
 
+import threading
 import warnings
 
 import numpy as np
@@ -92,6 +93,26 @@ def test_environments_in_parallel_are_independent():
         seen, *_ = many.step(np.array([[1.0], [1.0], [5.0]]))
     assert (seen[0] == seen[1]).all() and (seen[0] != seen[2]).any()
     many.close()
+
+
+def test_environment_refuses_another_thread():
+    one = env()
+    one.reset()
+    errors = []
+
+    def use():
+        for call in (lambda: one.step(one.action_space.sample()), one.reset, one.outcome, one.close):
+            try:
+                call()
+            except esc.RunError as error:
+                errors.append(str(error))
+
+    other = threading.Thread(target=use)
+    other.start()
+    other.join()
+    assert len(errors) == 4 and all("belongs to the thread that started it" in error for error in errors)
+    one.step(np.array([1.0]))
+    one.close()
 
 
 def test_invalid_environment_is_refused():

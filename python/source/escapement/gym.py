@@ -33,7 +33,7 @@ class Env(gymnasium.Env):
     infinite.
 
     `reset()` restores a checkpoint in memory, or starts a new run if a participant cannot be saved; `reset(seed=…)` starts a run with
-    another seed of the scenario.
+    another seed of the scenario. A run belongs to the thread that calls `reset`: another thread needs an environment of its own.
     """
 
     metadata = {"render_modes": []}
@@ -48,11 +48,11 @@ class Env(gymnasium.Env):
         if agent not in known:
             raise EscapementError(f"there is no participant `{agent}`; there is {', '.join(f'`{name}`' for name in known)}")
         self.agent, self._terminated = agent, terminated
-        self._seat = known[agent]
+        self._interface = known[agent]
         table = scenario.to_dict()
         self._parameters = list(table["participants"][agent].get("parameters", {}))
         bounds = _bounds(table, agent, known, ranges or {})
-        seen, given = _layout(self._seat["inputs"]), _layout(self._seat["outputs"])
+        seen, given = _layout(self._interface["inputs"]), _layout(self._interface["outputs"])
         if not given:
             raise EscapementError(f"`{agent}` has no output: an agent acts by its outputs")
         self.observation_space = _space(seen, bounds)
@@ -64,7 +64,7 @@ class Env(gymnasium.Env):
             raise EscapementError(f"reward_at={reward_at!r} goes with figures: a function is asked at every step")
         places = scenario._participants
         if not scenario._native.runs_here():
-            places = {**places, agent: _class_of(self._seat, self._parameters)}
+            places = {**places, agent: _class_of(self._interface, self._parameters)}
         self._scenario = Scenario(
             scenario.file, set=scenario._sets, participants=places, faults=scenario._faults, text=scenario._text
         )
@@ -90,7 +90,7 @@ class Env(gymnasium.Env):
             try:
                 self._start = self._run.save()
             except RunError:
-                # Then every episode is a new run.
+                # Without a checkpoint every episode is a new run.
                 self._start = None
         else:
             self._run.restore(self._start)
@@ -107,7 +107,8 @@ class Env(gymnasium.Env):
     def step(self, action):
         """Applies an action, and advances the run to the next activation."""
         if self._run is None:
-            raise EscapementError("the environment is not begun, or its run has failed: reset it")
+            raise EscapementError("the environment has no run, or its run has failed: reset it")
+        self._run.check_thread()
         self.action[:] = action
         self._steps += 1
         try:
@@ -138,7 +139,8 @@ class Env(gymnasium.Env):
     def outcome(self):
         """Ends the run of this episode at its present time, and returns its figures and the digest of its tape. `reset` starts another run."""
         if self._run is None:
-            raise EscapementError("the environment is not begun, or its run has failed: reset it")
+            raise EscapementError("the environment has no run, or its run has failed: reset it")
+        self._run.check_thread()
         run, self._run = self._run, None
         self.close()
         return run.end()
@@ -146,6 +148,7 @@ class Env(gymnasium.Env):
     def close(self):
         """Ends the run."""
         if self._run is not None:
+            self._run.check_thread()
             self._native.close()
         self._run = self._start = self._native = self._on = None
 
@@ -184,9 +187,9 @@ class Policy:
     @staticmethod
     def of(env, function):
         """The class; pass it to `run` as the participant's replacement."""
-        first = _first_sample(env) if env._seat["kind"] == "continuous" else None
+        first = _first_sample(env) if env._interface["kind"] == "continuous" else None
 
-        class Acts(_class_of(env._seat, env._parameters)):
+        class Acts(_class_of(env._interface, env._parameters)):
             def __init__(self):
                 self.seen = np.empty(env.observation_space.shape)
 
@@ -204,7 +207,7 @@ def _first_sample(env):
     """The outputs of a continuous participant before its first activation, as a flat array."""
     values = []
     with Run(env._scenario, in_process=True, record="memory") as run:
-        for port in env._seat["outputs"]:
+        for port in env._interface["outputs"]:
             sample = run.newest(f"{env.agent}.{port}").message
             values += [np.asarray(sample[part], dtype=float).reshape(-1) for part in sample.fields]
     return np.concatenate(values)
@@ -255,17 +258,17 @@ def _bounds(table, agent, known, ranges):
     return bounds
 
 
-def _class_of(seat, parameters):
+def _class_of(interface, parameters):
     """A participant class with the ports and parameters of another participant."""
     space = {}
-    for at, (name, descriptor) in enumerate(seat["inputs"].items()):
+    for at, (name, descriptor) in enumerate(interface["inputs"].items()):
         space[f"in_{at}"] = Input(Message.of(descriptor), required=False, name=name)
-    for at, (name, descriptor) in enumerate(seat["outputs"].items()):
+    for at, (name, descriptor) in enumerate(interface["outputs"].items()):
         space[f"out_{at}"] = Output(Message.of(descriptor), name=name)
     for at, key in enumerate(parameters):
         space[f"parameter_{at}"] = Parameter(key=key, default=None)
-    inputs = [(f"in_{at}", _layout({name: descriptor})) for at, (name, descriptor) in enumerate(seat["inputs"].items())]
-    outputs = [(f"out_{at}", _layout({name: descriptor})) for at, (name, descriptor) in enumerate(seat["outputs"].items())]
+    inputs = [(f"in_{at}", _layout({name: descriptor})) for at, (name, descriptor) in enumerate(interface["inputs"].items())]
+    outputs = [(f"out_{at}", _layout({name: descriptor})) for at, (name, descriptor) in enumerate(interface["outputs"].items())]
 
     def pieces(self, ports):
         """The memory of each field, with its position in a flat array."""
@@ -290,5 +293,5 @@ def _class_of(seat, parameters):
         for view, place in self.__dict__["_esc_out"]:
             view[...] = flat[place]
 
-    space.update(kind=seat["kind"], _see=see, _give=give, step=lambda self, t, dt: None)
+    space.update(kind=interface["kind"], _see=see, _give=give, step=lambda self, t, dt: None)
     return type("Seat", (Participant,), space)

@@ -128,7 +128,7 @@ class Participant:
             raise TypeError("a participant is a subclass of Participant with ports and a step")
         self = super().__new__(cls)
         (name, self.__dict__["_esc_seed"], self.__dict__["_esc_period"], self.__dict__["_esc_offset"]), values = getattr(
-            _making, "setup", _NOBODY
+            _making, "setup", _NO_SETUP
         )
         self.__dict__["_esc_name"] = name or cls.__name__
         self.__dict__["_esc_lines"] = None
@@ -269,7 +269,7 @@ class _Unpickler(pickle.Unpickler):
 
 
 # The setup of a participant that is not part of a run: name, seed, period, offset; and its parameters.
-_NOBODY = (("", 1, 0.0, 0.0), {})
+_NO_SETUP = (("", 1, 0.0, 0.0), {})
 # The setup of the participant that this thread is creating.
 _making = threading.local()
 
@@ -316,7 +316,7 @@ def _make(cls, about, values):
     try:
         return cls()
     finally:
-        _making.setup = _NOBODY
+        _making.setup = _NO_SETUP
 
 
 def _interface(participant):

@@ -328,23 +328,24 @@ class Run:
         self._interrupt = _native.Interrupt()
         self._messages = {}
         line = progress if callable(progress) else _Progress(progress)
-        # Why it takes no call at present: a call of its own goes on, or it has ended.
+        # The reason to refuse a call: another call of this run has not returned, or the run has ended.
         self._closed = None
         self._thread = threading.get_ident()
         self._native = _native.Run(self.scenario._native, how, line, self._interrupt)
 
-    now = property(lambda self: self._open.now, doc="Everybody has done exactly the activations before this instant, s.")
-    is_over = property(lambda self: self._open.is_over, doc="Whether nothing more happens.")
+    now = property(lambda self: self._open.now, doc="The present time, s: all participants have executed exactly their activations before it.")
+    is_over = property(lambda self: self._open.is_over, doc="Whether the run is over: no activation follows.")
 
     @property
     def _open(self):
         """The run in the native module, if it can take a call."""
-        self._refuse_other_thread()
+        self.check_thread()
         if self._closed is not None:
             raise RunError(self._closed)
         return self._native
 
-    def _refuse_other_thread(self):
+    def check_thread(self):
+        """Raises `RunError` in another thread than the one that started the run."""
         if threading.get_ident() != self._thread:
             raise RunError("a run belongs to the thread that started it: call it there, or start one in each thread")
 
@@ -443,6 +444,6 @@ class Run:
         return self
 
     def __exit__(self, *_):
-        self._refuse_other_thread()
+        self.check_thread()
         self._closed = _ENDED
         self._native.close()
