@@ -103,8 +103,8 @@ fn unusable_shared_memory_is_named_by_doctor_and_by_a_run() {
     assert!(output.out.contains("warning: shared memory"), "{output:?}");
     let json = std::fs::read_to_string(folder.path().join("doctor.json")).expect("doctor prints JSON");
     let json: serde_json::Value = serde_json::from_str(&json).expect("it is JSON");
-    let complaint = json["shared_memory_complaint"].as_str().unwrap_or_default();
-    assert!(complaint.contains("read-only"), "{json}");
+    let warning = json["shared_memory_warning"].as_str().unwrap_or_default();
+    assert!(warning.contains("read-only"), "{json}");
     assert!(!folder.path().join("run").exists(), "nothing was to start");
     let small = run_with_small_shared_memory("64k", &folder, "\"$1\" doctor").expect("it was possible before");
     for part in [

@@ -76,13 +76,13 @@ fn missed_pace_is_reported_with_the_late_participant() {
     let summary: Value = serde_json::from_str(&output.out).unwrap();
     let pace = &summary["pace"];
     assert_eq!(
-        (&pace["kept"], &pace["asked"]),
+        (&pace["kept"], &pace["requested"]),
         (&Value::Bool(false), &Value::from(10.0)),
         "{pace}"
     );
     // A hundred steps of 3 ms each for one second: at most 3.4 times real time.
-    let held = pace["held"].as_f64().unwrap();
-    assert!(held > 0.0 && held < 3.4, "{pace}");
+    let achieved = pace["achieved"].as_f64().unwrap();
+    assert!(achieved > 0.0 && achieved < 3.4, "{pace}");
     for (name, steps) in [("plant", 1000), ("damper", 100)] {
         let own = &pace["participants"][name];
         assert_eq!(own["steps"], steps, "{pace}");
@@ -104,25 +104,25 @@ fn missed_pace_is_reported_with_the_late_participant() {
 #[test]
 fn pace_in_one_loop_is_checked_as_in_processes() {
     let free = run_in_one_loop(Options::default());
-    assert!(free.punctuality.is_none());
+    assert!(free.pace.is_none());
     let paced = run_in_one_loop(Options {
         pace: Some(10.0),
         ..Options::default()
     });
     assert_eq!((&paced.ending, paced.digest), (&Ending::Complete, free.digest));
-    let pace = paced.punctuality.unwrap();
+    let pace = paced.pace.unwrap();
     let damper = &pace.participants["damper"];
     assert_eq!(
         (damper.steps, damper.too_long, pace.participants["plant"].steps),
         (10, 10, 100)
     );
-    assert!(!pace.kept && pace.held < Some(4.0), "{pace:?}");
+    assert!(!pace.kept && pace.achieved < Some(4.0), "{pace:?}");
     assert!(
         damper.lateness_p50_s >= 3e-3 && damper.lateness_largest_s >= 20e-3,
         "{pace:?}"
     );
-    let complaint = pace.complaint().unwrap();
-    assert!(complaint.contains("`damper` (10 of 10 steps"), "{complaint}");
+    let warning = pace.warning().unwrap();
+    assert!(warning.contains("`damper` (10 of 10 steps"), "{warning}");
 }
 
 #[test]

@@ -26,21 +26,21 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
         .unwrap_or(0);
     let shared = rustix::fs::statvfs("/dev/shm").ok();
     let free_mib = shared.map(|about| about.f_bavail * about.f_frsize / (1 << 20));
-    let complaint = resources::complaint();
+    let warning = resources::warning();
     if args.json {
         let found: Vec<_> = leftovers
             .iter()
             .map(|left| json!({ "folder": left.folder, "scratch": left.scratch, "objects": left.objects, "bytes": left.bytes }))
             .collect();
-        let report = json!({ "cores": cores, "shared_memory_free_mib": free_mib, "shared_memory_complaint": complaint, "leftovers": found, "unpacked": unpacked, "removed": args.remove });
+        let report = json!({ "cores": cores, "shared_memory_free_mib": free_mib, "shared_memory_warning": warning, "leftovers": found, "unpacked": unpacked, "removed": args.remove });
         println!("{}", serde_json::to_string_pretty(&report)?);
     } else {
         println!("cores this program may use: {cores}");
         if let Some(free) = free_mib {
             println!("shared memory free: {free} MiB in /dev/shm");
         }
-        if let Some(complaint) = &complaint {
-            println!("warning: {complaint}");
+        if let Some(warning) = &warning {
+            println!("warning: {warning}");
         }
         println!(
             "each run keeps its files in a folder {}* of its own, which no other user can enter",

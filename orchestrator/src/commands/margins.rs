@@ -105,9 +105,9 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
             evaluation.gamma
         );
     }
-    let complaints = contradictions(spec, file);
-    for complaint in &complaints {
-        eprintln!("not met: {complaint}");
+    let unmet = contradictions(spec, file);
+    for reason in &unmet {
+        eprintln!("not met: {reason}");
     }
     if args.update {
         if !tolerable {
@@ -117,7 +117,7 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
         write(&args.gains, &toml::to_string(file)?)?;
         eprintln!("{} updated", args.gains.display());
     }
-    Ok(if tolerable && complaints.is_empty() { 0 } else { NOT_MET })
+    Ok(if tolerable && unmet.is_empty() { 0 } else { NOT_MET })
 }
 
 /// Reads the gains, their specification and the robot.

@@ -16,7 +16,7 @@ use engine::Progress;
 use engine::campaign::StoredPoint;
 use engine::live::{self, Server, Steering};
 use engine::run::{
-    Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, TraceSummary, factor, run as run_scenario,
+    Ending, Options, Origin, Outcome, PaceReport, Record, RunFailure, TraceSummary, factor, run as run_scenario,
 };
 use engine::scenario::{Changes, Scenario};
 use engine::shadow::{Shadow, ShadowReport};
@@ -198,13 +198,13 @@ fn run_and_report(
 
 /// Warns if the pace was not kept, or the trace not written.
 fn warn_of_trace_and_pace(outcome: &Outcome) {
-    let complaint = outcome.punctuality.as_ref().and_then(Punctuality::complaint);
+    let warning = outcome.pace.as_ref().and_then(PaceReport::warning);
     let traced = outcome.traced.as_ref();
     let unwritten = traced.and_then(|traced| {
         let error = traced.error.as_ref()?;
         Some(format!("{}: {error}", traced.path.display()))
     });
-    for words in complaint.into_iter().chain(unwritten) {
+    for words in warning.into_iter().chain(unwritten) {
         eprintln!("warning: {words}");
     }
 }
@@ -290,7 +290,7 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
         factor(outcome.real_time_factor()),
         outcome.placement
     );
-    outcome.punctuality.iter().for_each(print_pace);
+    outcome.pace.iter().for_each(print_pace);
     if let Some(traced) = &outcome.traced {
         print_trace(traced);
     }
@@ -319,9 +319,12 @@ fn print_trace(traced: &TraceSummary) {
 }
 
 /// Reports how the run kept pace with the wall clock.
-fn print_pace(pace: &Punctuality) {
-    let achieved = pace.held.map_or_else(|| "not known".to_owned(), factor);
-    println!("pace: {achieved} times real time held of {}", factor(pace.asked));
+fn print_pace(pace: &PaceReport) {
+    let achieved = pace.achieved.map_or_else(|| "not known".to_owned(), factor);
+    println!(
+        "pace: {achieved} times real time of {} requested",
+        factor(pace.requested)
+    );
     let width = pace.participants.keys().map(String::len).max().unwrap_or(0).max(11);
     println!(
         "  {:width$}       p50       p99     p99.9   largest  overruns (ms late)",

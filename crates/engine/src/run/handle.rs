@@ -374,7 +374,7 @@ impl Run {
             ..
         } = self.run_state;
         let partial = prepare::partial_streams(&scenario, &plan);
-        let (punctuality, traced) = span_analysis.finish();
+        let (pace, traced) = span_analysis.finish();
         let recorder = Arc::into_inner(recorder).expect("the participants are gone");
         let mut recorder = recorder.into_inner().unwrap_or_else(PoisonError::into_inner);
         // No participant is at fault when the tape cannot be written.
@@ -409,7 +409,7 @@ impl Run {
             recovered,
             figures,
             sources: prepare::link_sources(&plan),
-            punctuality,
+            pace,
             traced,
             partial,
             timing: report.timing,

@@ -27,7 +27,7 @@ pub(crate) use in_loop::batched::BatchedRun;
 pub(crate) use log::last_lines;
 pub use options::{Options, Origin, Overrun, Wait};
 pub use outcome::{Ending, Outcome, RunFailure};
-pub use pace::punctuality::{Lateness, Punctuality, factor};
+pub use pace::report::{Lateness, PaceReport, factor};
 pub use pace::traced::TraceSummary;
 pub use prepare::{Known, check, check_here, check_with_programs};
 pub use processes::child::{own_program, set_own_program, tie};

@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 use tape::folder::FolderError;
 use tape::{AppendError, CreateError, Digest, ReadError};
 
-use super::pace::punctuality::Punctuality;
+use super::pace::report::PaceReport;
 use super::pace::traced::TraceSummary;
 use super::saved::checkpoint::CheckpointError;
 use crate::scenario::{ORCHESTRATOR, ScenarioError};
@@ -175,7 +175,7 @@ pub struct Outcome {
     /// The figures of merit.
     pub figures: Option<crate::assessment::Figures>,
     /// How the pace of the wall clock was kept, if the run had a pace.
-    pub punctuality: Option<Punctuality>,
+    pub pace: Option<PaceReport>,
     /// For each stream of which the tape does not have every sample: what it has, in words.
     pub partial: Vec<String>,
     /// The result of the trace, if there is one.
@@ -246,8 +246,8 @@ impl Outcome {
         if !self.partial.is_empty() {
             all.insert("tape_has_only".into(), json!(self.partial));
         }
-        if let Some(punctuality) = &self.punctuality {
-            all.insert("pace".into(), json!(punctuality));
+        if let Some(pace) = &self.pace {
+            all.insert("pace".into(), json!(pace));
         }
         if let Some(traced) = &self.traced {
             let TraceSummary {

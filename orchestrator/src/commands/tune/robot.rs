@@ -62,7 +62,7 @@ pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Res
         );
         write(path, &serde_json::to_string(&exported)?)?;
     }
-    let (mut file, mut complaints) = verify(args, &spec, &robot, &design, &reporter)?;
+    let (mut file, mut unmet) = verify(args, &spec, &robot, &design, &reporter)?;
     file.provenance.specification = args.spec.display().to_string();
     file.provenance.specification_digest = digest(text);
     file.provenance.plant_digest = plant_digest(&urdf).unwrap_or_default();
@@ -70,16 +70,16 @@ pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Res
         take_sliding_gain(&mut file, &spec, proportional);
     }
     if design.tuned.stopped {
-        complaints.push("the search was stopped before it was done".into());
+        unmet.push("the search was stopped before it was done".into());
     }
     let path = args.out.clone().unwrap_or_else(|| gains_path(&args.spec));
     write(&path, &toml::to_string(&file)?)?;
     print(args, &spec, &file, tuning)?;
-    for complaint in &complaints {
-        eprintln!("not met: {complaint}");
+    for reason in &unmet {
+        eprintln!("not met: {reason}");
     }
     eprintln!("gains written to {}", path.display());
-    Ok(if complaints.is_empty() { 0 } else { NOT_MET })
+    Ok(if unmet.is_empty() { 0 } else { NOT_MET })
 }
 
 /// `x.spec.toml` becomes `x.toml`; for any other name `.gains.toml` is appended, so that a specification is never

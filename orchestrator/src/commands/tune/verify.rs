@@ -21,9 +21,9 @@ pub(super) fn verify(
     let mut file = gains_file(spec, design);
     file.full_order = optima(spec, robot, &design.adversary);
     file.sampled = sampled_entries(spec, robot, &design.gains)?;
-    let mut complaints = Vec::new();
+    let mut unmet = Vec::new();
     if design.tuned.verdict != Verdict::Attained {
-        complaints.push(design.tuned.verdict.to_string());
+        unmet.push(design.tuned.verdict.to_string());
     }
     // The gains were expensive: later failures are reported in addition to them and do not discard them.
     if !args.no_margins {
@@ -31,7 +31,7 @@ pub(super) fn verify(
             reporter.progress_or_stop("margins of model", done, all)
         }) {
             Ok(margins) => file.margins = margins,
-            Err(error) => complaints.push(format!("margins: {error:#}")),
+            Err(error) => unmet.push(format!("margins: {error:#}")),
         }
     }
     if !args.no_flights {
@@ -39,20 +39,20 @@ pub(super) fn verify(
             reporter.progress_or_stop("flight", done, all)
         }) {
             Ok(flown) => file.flown = flown,
-            Err(error) => complaints.push(format!("flights: {error:#}")),
+            Err(error) => unmet.push(format!("flights: {error:#}")),
         }
     }
     reporter.finish();
     if let Some(v) = &design.validation {
         file.validation = Some(validation_entry(v));
     }
-    complaints.extend(contradictions(spec, &file));
+    unmet.extend(contradictions(spec, &file));
     if let Some(folder) = &args.plots {
         for (name, svg) in plots(spec, robot, &design.reported_problem, &design.gains, !args.no_margins)? {
             write(&folder.join(name), &svg)?;
         }
     }
-    Ok((file, complaints))
+    Ok((file, unmet))
 }
 
 fn gains_file(spec: &Spec, design: &Design) -> GainsFile {

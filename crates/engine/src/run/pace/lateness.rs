@@ -5,7 +5,7 @@ use lockstep::span::{Span, SpanActivity};
 use lockstep::time::Ticks;
 
 use super::clock_controller::ClockController;
-use super::punctuality::{Lateness, Punctuality};
+use super::report::{Lateness, PaceReport};
 use crate::run::options::Overrun;
 
 /// Evaluates steps as they come.
@@ -111,10 +111,10 @@ impl LatenessMonitor {
     }
 
     /// The figures so far.
-    pub(crate) fn punctuality(&self, plan: &Plan) -> Punctuality {
+    pub(crate) fn pace_report(&self, plan: &Plan) -> PaceReport {
         let (_, into_s, late_s) = self.newest;
         let (due_s, late_s) = (self.before.0 + into_s, self.before.1 + late_s);
-        let held = (due_s > 0.0).then(|| self.requested * due_s / (due_s + late_s));
+        let achieved = (due_s > 0.0).then(|| self.requested * due_s / (due_s + late_s));
         let all = self
             .participants
             .iter()
@@ -134,10 +134,10 @@ impl LatenessMonitor {
                 };
                 (participant.name.clone(), lateness)
             });
-        Punctuality {
-            asked: self.requested,
-            held,
-            kept: Punctuality::is_kept(self.requested, held),
+        PaceReport {
+            requested: self.requested,
+            achieved,
+            kept: PaceReport::is_kept(self.requested, achieved),
             participants: all.collect(),
         }
     }
@@ -247,13 +247,10 @@ mod tests {
                 monitor.evaluate(0, &step(activation, at + 3, at + 4), &clock, &plan);
             }
             assert_eq!(monitor.stop_reason(), None);
-            let punctuality = monitor.punctuality(&plan);
-            let lateness = &punctuality.participants["a"];
+            let pace = monitor.pace_report(&plan);
+            let lateness = &pace.participants["a"];
             assert_eq!((lateness.overruns, lateness.too_long, lateness.steps), (0, 0, 52));
-            assert!(
-                lateness.lateness_largest_s <= 5e-3 && punctuality.kept,
-                "{punctuality:?}"
-            );
+            assert!(lateness.lateness_largest_s <= 5e-3 && pace.kept, "{pace:?}");
         }
     }
 
@@ -270,7 +267,7 @@ mod tests {
                 .stop_reason()
                 .is_some_and(|reason| reason.contains("400.000 ms after"))
         );
-        assert_eq!(monitor.punctuality(&plan).participants["a"].too_long, 1);
+        assert_eq!(monitor.pace_report(&plan).participants["a"].too_long, 1);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 pub(super) mod clock_controller;
 pub(super) mod lateness;
-pub(super) mod punctuality;
+pub(super) mod report;
 pub(super) mod spans;
 mod suspensions;
 pub(super) mod trace;

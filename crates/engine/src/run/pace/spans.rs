@@ -8,7 +8,7 @@ use lockstep::span::{Detail, Span, SpanActivity, core, now_ns};
 
 use super::clock_controller::ClockController;
 use super::lateness::LatenessMonitor;
-use super::punctuality::Punctuality;
+use super::report::PaceReport;
 use super::trace::Trace;
 use super::traced::TraceSummary;
 use crate::run::options::Options;
@@ -46,7 +46,8 @@ impl SpanAnalysis {
     pub(crate) fn new(plan: &Arc<Plan>, options: &Options, title: &str) -> Result<SpanAnalysis, RunFailure> {
         let trace = options.trace.as_deref().map(|path| Trace::create(path, title));
         Ok(SpanAnalysis {
-            lateness: (options.pace).map(|asked| LatenessMonitor::new(plan.participants.len(), asked, options.overrun)),
+            lateness: (options.pace)
+                .map(|requested| LatenessMonitor::new(plan.participants.len(), requested, options.overrun)),
             trace: trace.transpose()?,
             plan: plan.clone(),
             begun_ns: 0,
@@ -96,7 +97,7 @@ impl SpanAnalysis {
     }
 
     /// How the pace is kept, for the live page; `None` between two updates.
-    pub(crate) fn pace_update(&mut self) -> Option<Punctuality> {
+    pub(crate) fn pace_update(&mut self) -> Option<PaceReport> {
         let lateness = self.lateness.as_ref()?;
         if self
             .last_update
@@ -105,12 +106,12 @@ impl SpanAnalysis {
             return None;
         }
         self.last_update = Some(Instant::now());
-        Some(lateness.punctuality(&self.plan))
+        Some(lateness.pace_report(&self.plan))
     }
 
     /// The results.
-    pub(crate) fn finish(self) -> (Option<Punctuality>, Option<TraceSummary>) {
-        let punctuality = self.lateness.map(|lateness| lateness.punctuality(&self.plan));
-        (punctuality, self.trace.map(Trace::finish))
+    pub(crate) fn finish(self) -> (Option<PaceReport>, Option<TraceSummary>) {
+        let pace = self.lateness.map(|lateness| lateness.pace_report(&self.plan));
+        (pace, self.trace.map(Trace::finish))
     }
 }

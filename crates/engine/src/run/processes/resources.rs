@@ -80,7 +80,7 @@ fn refused(error: Errno) -> String {
 
 /// What is wrong with shared memory for runs with processes in general, with the remedy: it cannot be used, or is so full that
 /// hardly any run fits. [`describe`] compares it with what a certain run needs.
-pub fn complaint() -> Option<String> {
+pub fn warning() -> Option<String> {
     let memory = SharedMemory::now();
     let small = || {
         (memory.free < SMALL_RUN_BYTES).then(|| {

@@ -4,18 +4,18 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-/// The pace counts as kept when at least this fraction of what was asked for was held.
+/// The pace counts as kept if at least this fraction of the requested one was achieved.
 const KEPT_FRACTION: f64 = 0.99;
 
 /// How a run kept pace with the wall clock. These figures depend on the machine; none of them is on the tape.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Punctuality {
-    /// Simulated seconds per second of wall time, as asked for.
-    pub asked: f64,
-    /// The value that was held up to the end of the last step, without the time spent paused; `None` where no step reports its
+pub struct PaceReport {
+    /// The requested real-time factor: simulated seconds per second of wall time.
+    pub requested: f64,
+    /// The real-time factor up to the end of the last step, without the time spent paused; `None` where no step reports its
     /// end.
-    pub held: Option<f64>,
-    /// Whether at least 99 % of what was asked for was held.
+    pub achieved: Option<f64>,
+    /// Whether at least 99 % of the requested factor was achieved.
     pub kept: bool,
     /// Of each participant.
     pub participants: BTreeMap<String, Lateness>,
@@ -42,14 +42,14 @@ pub struct Lateness {
     pub largest_at_s: f64,
 }
 
-impl Punctuality {
-    /// Whether a pace of `asked` is kept when `held` was held. A run that ends with its first step cannot be behind.
-    pub(crate) fn is_kept(asked: f64, held: Option<f64>) -> bool {
-        held.is_none_or(|held| held >= KEPT_FRACTION * asked)
+impl PaceReport {
+    /// Whether the pace is kept with these factors. A run that ends with its first step cannot be behind.
+    pub(crate) fn is_kept(requested: f64, achieved: Option<f64>) -> bool {
+        achieved.is_none_or(|achieved| achieved >= KEPT_FRACTION * requested)
     }
 
     /// The message that the pace was not kept, with the participants that were late; `None` if it was kept.
-    pub fn complaint(&self) -> Option<String> {
+    pub fn warning(&self) -> Option<String> {
         if self.kept {
             return None;
         }
@@ -82,10 +82,10 @@ impl Punctuality {
             || "no participant reports when its steps are complete".to_owned(),
             |cause| format!("late: {cause}"),
         );
-        let held = self.held.map_or_else(|| "less".to_owned(), factor);
+        let achieved = self.achieved.map_or_else(|| "less".to_owned(), factor);
         Some(format!(
-            "the pace was not kept: {held} times real time, and {} was requested; {cause}",
-            factor(self.asked)
+            "the pace was not kept: {achieved} times real time, and {} was requested; {cause}",
+            factor(self.requested)
         ))
     }
 }
