@@ -1,4 +1,4 @@
-//! Tuned gains from the user's point of view: recomputed, verified in closed-loop flights, and contradicted.
+//! Tuned gains from the user's point of view: recomputed, verified in closed-loop simulations, and contradicted.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -9,9 +9,9 @@ use escapement_tests::program::{
 };
 use serde_json::Value;
 
-/// The specification of the stock P gains with one flight of this title, length and criterion.
+/// The specification of the stock P gains with one closed-loop scenario of this title, length and criterion.
 fn specification(folder: &Folder, title: &str, length: &str, rate: &str) -> PathBuf {
-    let mut scenario = std::fs::read_to_string(root().join("gains/flight.toml")).unwrap();
+    let mut scenario = std::fs::read_to_string(root().join("gains/closed-loop.toml")).unwrap();
     for (stock, new) in [
         ("\"Hold the end effector after a push\"", format!("\"{title}\"")),
         ("at-most = \"0.02 deg/s\"", format!("at-most = \"{rate}\"")),
@@ -23,10 +23,10 @@ fn specification(folder: &Folder, title: &str, length: &str, rate: &str) -> Path
         assert!(scenario.contains(stock), "{stock}");
         scenario = scenario.replace(stock, &new);
     }
-    let scenario = folder.write("flight.toml", &scenario);
+    let scenario = folder.write("closed-loop.toml", &scenario);
     let specification = std::fs::read_to_string(root().join("gains/p-diagonal.spec.toml")).unwrap();
     let specification = specification
-        .replace("gains/flight.toml", text(&scenario))
+        .replace("gains/closed-loop.toml", text(&scenario))
         .replace("models/servicer.urdf", text(&root().join("models/servicer.urdf")))
         .replace("delays_s = [0.0, 0.005, 0.01, 0.02]", "delays_s = [0.01]");
     folder.write("p.spec.toml", &specification)
@@ -39,7 +39,7 @@ fn margins(specification: &Path) -> [String; 6] {
 
 /// `margins` on the stock P gains with a specification whose closed-loop verification requires this base rate at the end.
 fn verify_margins(rate: &str) -> escapement_tests::program::ProgramOutput {
-    let folder = Folder::new("flown");
+    let folder = Folder::new("closed-loop");
     let arguments = margins(&specification(&folder, "a push", "12 s", rate));
     run_orchestrator(&arguments.each_ref().map(String::as_str))
 }
@@ -62,16 +62,16 @@ fn simulation_that_contradicts_the_linear_result_is_reported() {
 #[test]
 fn leftovers_of_a_killed_verification_are_removed() {
     let base = Path::new("/dev/shm");
-    let folder = Folder::new("killed-flight");
-    let title = format!("a flight to be killed {}", std::process::id());
+    let folder = Folder::new("killed-closed-loop");
+    let title = format!("a simulation to be killed {}", std::process::id());
     let arguments = margins(&specification(&folder, &title, "100000 s", "1 deg/s"));
     let child = start_orchestrator(&arguments.each_ref().map(String::as_str));
     let started = Instant::now();
     let left = loop {
         let entries = std::fs::read_dir(base).into_iter().flatten().flatten();
-        let mut flights = entries.map(|entry| entry.path());
-        let ours = flights.find(|run| {
-            let plan = std::fs::read_to_string(run.join("scratch/flight/plan.toml"));
+        let mut runs = entries.map(|entry| entry.path());
+        let ours = runs.find(|run| {
+            let plan = std::fs::read_to_string(run.join("scratch/closed-loop/plan.toml"));
             plan.is_ok_and(|plan| plan.contains(&title))
         });
         if let Some(ours) = ours {
@@ -79,7 +79,7 @@ fn leftovers_of_a_killed_verification_are_removed() {
         }
         assert!(
             started.elapsed() < Duration::from_secs(60),
-            "no flight under {}",
+            "no simulation under {}",
             base.display()
         );
         std::thread::sleep(Duration::from_millis(5));
@@ -209,22 +209,22 @@ fn stock_velocity_loops_have_the_stated_margin() {
     assert!(seen >= 30);
 }
 
-/// The configurations that `check` predicts are those of the recorded flights, which the gains file has.
+/// The configurations that `check` predicts are those of the recorded simulations, which the gains file has.
 #[test]
 fn check_predicts_the_joints_at_the_grasp() {
     let file = std::fs::read_to_string(root().join("gains/pi-diagonal.toml")).unwrap();
     let file: toml::Table = file.parse().unwrap();
     for (scenario, model) in [("close", "close grasp"), ("far", "far grasp")] {
         let models = file["models"].as_array().unwrap();
-        let flown = models.iter().find(|one| one["name"].as_str() == Some(model)).unwrap();
-        let flown = flown["joints_deg"]
+        let simulated = models.iter().find(|one| one["name"].as_str() == Some(model)).unwrap();
+        let simulated = simulated["joints_deg"]
             .as_array()
             .unwrap()
             .iter()
             .filter_map(toml::Value::as_float);
         let found = velocity_loop(scenario, &[]);
         let predicted = numbers(&found["configurations"][2]["joints_deg"]);
-        let far = flown.zip(predicted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let far = simulated.zip(predicted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(far < 0.3, "{scenario}: {far} deg");
     }
 }
@@ -300,7 +300,7 @@ fn tune_takes_a_configuration_from_a_run() {
     let (head, rest) = stock.split_once("[[models]]").unwrap();
     let (_, tail) = rest.split_once("[search]").unwrap();
     let tail = tail
-        .split_once("[flight]")
+        .split_once("[closed_loop]")
         .unwrap()
         .0
         .replace("starts = 2", "starts = 1\niterations = 2\nfinishing = 1\nrounds = 1");
@@ -308,7 +308,7 @@ fn tune_takes_a_configuration_from_a_run() {
     let tuned = |at: &str, more: &[&str]| {
         let spec = format!("{head}[[models]]\nname = \"here\"\n{at}\n\n[search]{tail}");
         let spec = folder.write("here.spec.toml", &spec);
-        let mut arguments = vec!["tune", text(&spec), "--no-margins", "--no-flights"];
+        let mut arguments = vec!["tune", text(&spec), "--no-margins", "--no-closed-loop"];
         arguments.extend(more);
         run_orchestrator(&arguments)
     };

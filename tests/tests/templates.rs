@@ -144,7 +144,7 @@ fn capture_template_runs_from_its_own_folder() {
         assert_eq!(output.code, Some(0), "{path}: {output:?}");
     }
     // Gains find their specification, and the specification finds the robot.
-    let margins = "cd 'a capture'; escapement margins gains/pi-diagonal.toml --models 0 --no-flights";
+    let margins = "cd 'a capture'; escapement margins gains/pi-diagonal.toml --models 0 --no-closed-loop";
     let output = outside.shell(margins);
     assert!(output.out.contains("gamma"), "{output:?}");
 }

@@ -39,8 +39,8 @@ pub struct GainsFile {
     _margins: Option<IgnoredAny>,
     #[serde(rename = "sampled")]
     _sampled: Option<IgnoredAny>,
-    #[serde(rename = "flown")]
-    _flown: Option<IgnoredAny>,
+    #[serde(rename = "closed_loop")]
+    _closed_loop: Option<IgnoredAny>,
     #[serde(rename = "validation")]
     _validation: Option<IgnoredAny>,
     #[serde(rename = "full_order")]

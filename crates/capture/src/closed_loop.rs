@@ -26,18 +26,18 @@ pub fn simulate_gains(
     gains: &Gains,
     next: &dyn Fn(usize, usize) -> bool,
 ) -> anyhow::Result<Vec<ClosedLoopEntry>> {
-    let Some(verification) = &spec.flight else {
+    let Some(verification) = &spec.closed_loop else {
         return Ok(Vec::new());
     };
     let scenario = find_beside_specification(specification, &verification.scenario).with_context(|| {
         format!(
-            "flight.scenario = {:?}: no such file here, beside the specification, or above it",
+            "closed_loop.scenario = {:?}: no such file here, beside the specification, or above it",
             verification.scenario
         )
     })?;
     // In a folder that the next run or `doctor` clears if this program is killed.
     let scope = Scope::create()?;
-    let folder = scope.scratch()?.join("flight");
+    let folder = scope.scratch()?.join("closed-loop");
     let base_scenario = ScenarioSpec::read(&scenario, &[])?;
     let mut entries = Vec::new();
     // A payload is a body that the simulator has only after a grasp.
@@ -109,7 +109,7 @@ fn apply_configuration(
     delay: f64,
 ) -> anyhow::Result<()> {
     if !(delay.is_finite() && delay >= 0.0) {
-        bail!("flight.delays_s has {delay}: a delay must be zero or positive");
+        bail!("closed_loop.delays_s has {delay}: a delay must be zero or positive");
     }
     let table = Table::from_iter([("gains".to_owned(), Value::try_from(GainTable::new(gains))?)]);
     let joints: Vec<String> = model.joints_deg.iter().map(ToString::to_string).collect();

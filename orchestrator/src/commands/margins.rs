@@ -40,7 +40,7 @@ pub struct MarginsArgs {
     pub allow_unphysical: bool,
     /// Leave out the closed-loop runs in the non-linear simulator
     #[arg(long)]
-    pub no_flights: bool,
+    pub no_closed_loop: bool,
     /// Write what was recomputed back into the file
     #[arg(long)]
     pub update: bool,
@@ -189,11 +189,11 @@ fn recompute(args: &MarginsArgs, loaded: &mut Loaded) -> anyhow::Result<(Problem
     }
     let never = AtomicBool::new(false);
     let reporter = Reporter::new(&never);
-    file.flown = if args.no_flights {
+    file.closed_loop = if args.no_closed_loop {
         Vec::new()
     } else {
         simulate_gains(catalogue(), path, spec, robot, gains, &|done, all| {
-            reporter.progress_or_stop("flight", done, all)
+            reporter.progress_or_stop("closed loop", done, all)
         })?
     };
     let count = args.models.unwrap_or(usize::MAX);
@@ -221,7 +221,7 @@ fn print(args: &MarginsArgs, spec: &Spec, file: &GainsFile, claimed: f64) -> any
         let gamma = file.provenance.gamma_reported;
         writeln!(out, "{}: gamma {gamma:.5} (the file says {claimed:.5})", spec.title)?;
         print_sampled(&mut out, &file.sampled)?;
-        print_closed_loop(&mut out, &file.flown)?;
+        print_closed_loop(&mut out, &file.closed_loop)?;
         print_margins(&mut out, &file.margins)?;
         print_validation(&mut out, spec, file.validation.as_ref())?;
     }

@@ -74,7 +74,7 @@ fn capture(_: &Project<'_>) -> Result<Vec<File>, String> {
     files.extend(stock_files!(
         "campaigns/dispersed-captures.toml"
         "campaigns/rare-miss.toml"
-        "gains/flight.toml"
+        "gains/closed-loop.toml"
         "gains/p-diagonal.spec.toml"
         "gains/p-diagonal.toml"
         "gains/pi-block.spec.toml"

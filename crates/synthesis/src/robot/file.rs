@@ -29,7 +29,7 @@ pub struct GainsFile {
     pub sampled: Vec<SampledEntry>,
     /// Closed-loop runs in the non-linear simulator.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub flown: Vec<ClosedLoopEntry>,
+    pub closed_loop: Vec<ClosedLoopEntry>,
     /// The full-order optimum of the tracking channel of every model, including the adversary's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub full_order: Vec<OptimumEntry>,

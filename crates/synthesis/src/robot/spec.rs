@@ -32,7 +32,7 @@ pub struct Spec {
     pub validation: ValidationSpec,
     /// Closed-loop runs in the non-linear simulator; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub flight: Option<ClosedLoopSpec>,
+    pub closed_loop: Option<ClosedLoopSpec>,
 }
 
 /// Closed-loop runs of the tuned gains in a scenario, over the configurations of the models and some delays. The scenario's own

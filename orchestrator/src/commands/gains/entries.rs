@@ -29,9 +29,9 @@ pub fn contradictions(spec: &Spec, file: &GainsFile) -> Vec<String> {
             }
         }
     }
-    for f in file.flown.iter().filter(|f| f.contradicts()) {
+    for f in file.closed_loop.iter().filter(|f| f.contradicts()) {
         out.push(format!(
-            "{}, {:.1} ms of delay each way: the sampled loop is stable (spectral radius {:.6}), but the flight does not settle",
+            "{}, {:.1} ms of delay each way: the sampled loop is stable (spectral radius {:.6}), but the simulation does not settle",
             f.model,
             1e3 * f.delay_s,
             f.spectral_radius

@@ -12,7 +12,7 @@ pub fn print_closed_loop(out: &mut impl Write, list: &[ClosedLoopEntry]) -> anyh
     writeln!(
         out,
         "\n{:16} {:>13} {:>15} {:>9} {:>12}",
-        "flight", "delays ms", "spectral radius", "settles", "saturated %"
+        "closed loop", "delays ms", "spectral radius", "settles", "saturated %"
     )?;
     for f in list {
         writeln!(

@@ -44,7 +44,7 @@ pub struct TuneArgs {
     pub no_margins: bool,
     /// Leave out the closed-loop runs in the non-linear simulator
     #[arg(long)]
-    pub no_flights: bool,
+    pub no_closed_loop: bool,
     /// Print one line for a table of several designs: gamma, full-order optimum, margins
     #[arg(long)]
     pub table: bool,

@@ -80,7 +80,7 @@ pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64
         )?;
     }
     print_sampled(&mut out, &file.sampled)?;
-    print_closed_loop(&mut out, &file.flown)?;
+    print_closed_loop(&mut out, &file.closed_loop)?;
     print_margins(&mut out, &file.margins)?;
     print_validation(&mut out, spec, file.validation.as_ref())
 }

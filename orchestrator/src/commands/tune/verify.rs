@@ -34,12 +34,12 @@ pub(super) fn verify(
             Err(error) => unmet.push(format!("margins: {error:#}")),
         }
     }
-    if !args.no_flights {
+    if !args.no_closed_loop {
         match closed_loop::simulate_gains(catalogue(), &args.spec, spec, robot, &design.gains, &|done, all| {
-            reporter.progress_or_stop("flight", done, all)
+            reporter.progress_or_stop("closed loop", done, all)
         }) {
-            Ok(flown) => file.flown = flown,
-            Err(error) => unmet.push(format!("flights: {error:#}")),
+            Ok(entries) => file.closed_loop = entries,
+            Err(error) => unmet.push(format!("closed loop: {error:#}")),
         }
     }
     reporter.finish();
@@ -79,7 +79,7 @@ fn gains_file(spec: &Spec, design: &Design) -> GainsFile {
         channels: channel_entries(&design.reported),
         margins: Vec::new(),
         sampled: Vec::new(),
-        flown: Vec::new(),
+        closed_loop: Vec::new(),
         full_order: Vec::new(),
         validation: None,
         rounds: if design.rounds.len() > 1 {
