@@ -80,7 +80,7 @@ class Reader:
     def sample_time(self):
         return self.take("q"), self.take("q")
 
-    def visibility(self):
+    def delivery(self):
         producer = self.sample_time()
         base, spread, scale = self.wide(), self.wide(), self.wide()
         drop_below, hold, key = self.take("Q"), self.take("I"), self.take("Q")
@@ -101,14 +101,14 @@ class Reader:
         return name, size, self.list(field)
 
     def input_link(self):
-        port, link, source, visibility = self.take("I"), self.take("I"), self.text(), self.visibility()
+        port, link, source, delivery = self.take("I"), self.take("I"), self.text(), self.delivery()
         initial = self.bytes() if self.take("I") == 0 else None
         capacity, disturbed = self.take("I"), self.take("B")
         if disturbed:
             raise Refused("signal faults are not for this program: name another participant")
         if self.take("B"):
             raise Refused(f"the connection from {source} converts fields, which this program does not do: connect whole ports")
-        return {"port": port, "link": link, "from": source, "visibility": visibility, "initial": initial, "capacity": capacity}
+        return {"port": port, "link": link, "from": source, "delivery": delivery, "initial": initial, "capacity": capacity}
 
     def output(self):
         stream = self.take("I")
@@ -120,9 +120,9 @@ class Reader:
 
     def consumer(self):
         link, to, _number = self.take("I"), self.text(), self.take("I")
-        visibility, sample_time = self.visibility(), self.sample_time()
+        delivery, sample_time = self.delivery(), self.sample_time()
         first, capacity, end = self.take("B") == 1, self.take("I"), self.take("q")
-        return Consumer(link, to, visibility, sample_time, first, capacity, end)
+        return Consumer(link, to, delivery, sample_time, first, capacity, end)
 
     def assignment(self):
         name, tick, sample_time, activations = self.text(), self.text(), self.sample_time(), self.take("Q")
@@ -222,13 +222,13 @@ class Visibility:
 class Consumer:
     """A reader of an output: determines whether it will ever read a sample."""
 
-    def __init__(self, link, to, visibility, sample_time, first, capacity, end):
-        self.link, self.to, self.visibility, self.first, self.capacity = link, to, visibility, first, capacity
+    def __init__(self, link, to, delivery, sample_time, first, capacity, end):
+        self.link, self.to, self.delivery, self.first, self.capacity = link, to, delivery, first, capacity
         (self.t, self.period), self.end, self.due = sample_time, end, -1
 
     def is_read(self, index):
         while self.due < index and self.t < self.end:
-            read = self.visibility.sample_to_read(self.t)
+            read = self.delivery.sample_to_read(self.t)
             self.t += self.period
             if read is None:
                 read = 0 if self.first else -1
@@ -480,7 +480,7 @@ class Session:
     def fetch(self, number, link):
         """Copies the sample of link `number` that this activation reads into the payload of its input."""
         port, message = link["port"], link["message"]
-        read = link["visibility"].sample_to_read(self.instant(self.next))
+        read = link["delivery"].sample_to_read(self.instant(self.next))
         if read is None and link["initial"] is None:
             read = 0
         if read is None or read < 0:
@@ -492,7 +492,7 @@ class Session:
                 self.wait(2, number, read)
                 continue
             index, stamp, payload = sample
-            if not link["received"] < index <= read or stamp != link["visibility"].instant(index):
+            if not link["received"] < index <= read or stamp != link["delivery"].instant(index):
                 raise ValueError(f"`{link['from']}` sent sample #{index} stamped {stamp} where #{read} is due")
             self.payloads[port], link["received"] = payload, index
             if not message.valid(payload):

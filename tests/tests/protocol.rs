@@ -162,7 +162,7 @@ impl PageDecoder<'_> {
         serde_json::json!([kind, inputs, outputs])
     }
     /// Producer's offset and period; base, spread and scale; drop_below, hold, key.
-    fn visibility(&mut self) -> ([i64; 2], [i128; 3], u64, u32, u64) {
+    fn delivery(&mut self) -> ([i64; 2], [i128; 3], u64, u32, u64) {
         let producer = [self.i64(), self.i64()];
         let delay = [self.i128(), self.i128(), self.i128()];
         (producer, delay, self.u64(), self.u32(), self.u64())
@@ -230,7 +230,7 @@ fn assignment_decodes_as_documented() {
     // One link, into input 0: number 0 from the plant, 2 ms late with up to 1 ms more.
     assert_eq!((decoder.u64(), decoder.u32(), decoder.u32()), (1, 0, 0));
     assert_eq!(decoder.text(), "plant.motion");
-    let (producer, [base, spread, scale], drop_below, hold, key) = decoder.visibility();
+    let (producer, [base, spread, scale], drop_below, hold, key) = decoder.delivery();
     assert_eq!((producer, drop_below, hold), ([0, 1], 1 << 30, 1));
     assert!(
         base == 2 * scale && spread * (1 << 32) == scale,
@@ -264,7 +264,7 @@ fn check_outputs(decoder: &mut PageDecoder<'_>, plan: &Plan) {
         (decoder.u32(), decoder.text().as_str(), decoder.u32()),
         (1, "plant.push", 0)
     );
-    let (producer, [base, spread, scale], drop_below, hold, _) = decoder.visibility();
+    let (producer, [base, spread, scale], drop_below, hold, _) = decoder.delivery();
     assert_eq!((producer, base, spread, drop_below, hold), ([0, 10], 0, 0, 0, 0));
     assert_eq!((scale, decoder.u64()), (1, 0));
     assert_eq!((decoder.i64(), decoder.i64(), decoder.u8()), (0, 1, 0));

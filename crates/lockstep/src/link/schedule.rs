@@ -32,7 +32,7 @@ impl Read {
 /// will ever read, the consumer to know which one to wait for. It holds no data and depends only on the plan.
 #[derive(Debug, Clone)]
 pub struct ReadSchedule {
-    visibility: DeliveryRule,
+    delivery: DeliveryRule,
     /// The least and the largest delay of the link, ticks.
     delays: (Ticks, Ticks),
     /// Every sample arrives, and all have the same delay: the read is the newest sample of an instant.
@@ -54,12 +54,12 @@ pub struct ReadSchedule {
 impl ReadSchedule {
     /// The schedule of a link for a consumer with sample time `consumer`. With `first_sample`, the producer's sample 0 is read while
     /// nothing is visible; that is allowed only for outputs that exist before the run starts.
-    pub fn new(visibility: DeliveryRule, consumer: SampleTime, first_sample: bool) -> ReadSchedule {
-        let delays = visibility.delay_bounds();
+    pub fn new(delivery: DeliveryRule, consumer: SampleTime, first_sample: bool) -> ReadSchedule {
+        let delays = delivery.delay_bounds();
         ReadSchedule {
-            has_constant_delay: delays.0 == delays.1 && !visibility.may_drop(),
+            has_constant_delay: delays.0 == delays.1 && !delivery.may_drop(),
             reached: None,
-            visibility,
+            delivery,
             delays,
             consumer,
             first_sample,
@@ -93,7 +93,7 @@ impl ReadSchedule {
             let newest = self.newest_until(t.saturating_sub(least));
             return newest.map_or_else(|| self.initial_read(), |newest| self.read_from(newest, t));
         }
-        let producer = self.visibility.producer();
+        let producer = self.delivery.producer();
         // No sample beyond `last` can be visible; every sample up to `settled_end` is, unless it is dropped.
         let Some(last) = producer.index_at_or_before(t.saturating_sub(least)) else {
             return self.initial_read();
@@ -106,15 +106,15 @@ impl ReadSchedule {
         }
         let late = (self.settled..=last)
             .rev()
-            .find(|&k| producer.instant(k) + self.visibility.delay(k) <= t && self.counts_as_newest(k));
+            .find(|&k| producer.instant(k) + self.delivery.delay(k) <= t && self.counts_as_newest(k));
         let newest_sent = late.or(self.newest_sent);
-        match self.visibility.hold() {
+        match self.delivery.hold() {
             Hold::Last | Hold::Linear => {
                 let newest = late.or(self.newest);
                 newest.map_or_else(|| self.initial_read(), |newest| self.read_from(newest, t))
             }
             Hold::Initial => match newest_sent {
-                Some(k) if !self.visibility.is_dropped(k) => Read::Sample(k),
+                Some(k) if !self.delivery.is_dropped(k) => Read::Sample(k),
                 Some(_) => Read::Initial,
                 None => self.initial_read(),
             },
@@ -125,7 +125,7 @@ impl ReadSchedule {
     /// same sample or the next one, and needs no division.
     #[inline]
     fn newest_until(&mut self, t: Ticks) -> Option<u64> {
-        let producer = self.visibility.producer();
+        let producer = self.delivery.producer();
         let newest = match self.reached {
             Some((index, next)) if t < next => return Some(index),
             Some((index, next)) if t.abs_diff(next) < producer.period.unsigned_abs() => index + 1,
@@ -137,20 +137,20 @@ impl ReadSchedule {
 
     /// What is read at `t` where sample `k` is the newest one.
     fn read_from(&self, k: u64, t: Ticks) -> Read {
-        let after = (self.visibility.hold() == Hold::Linear).then(|| self.visibility.interpolation_target(k, t));
+        let after = (self.delivery.hold() == Hold::Linear).then(|| self.delivery.interpolation_target(k, t));
         after.flatten().map_or(Read::Sample(k), |after| Read::Between(k, after))
     }
 
     /// Whether sample `k` counts in the search for the newest: under `Hold::Initial` a dropped sample does, as a gap.
     fn counts_as_newest(&self, k: u64) -> bool {
-        self.visibility.hold() == Hold::Initial || !self.visibility.is_dropped(k)
+        self.delivery.hold() == Hold::Initial || !self.delivery.is_dropped(k)
     }
 
     fn settle(&mut self, settled_end: u64) {
         // Only the newest of the newly settled samples matters; look backwards from the end.
         if let Some(found) = (self.settled..settled_end)
             .rev()
-            .find(|&k| !self.visibility.is_dropped(k))
+            .find(|&k| !self.delivery.is_dropped(k))
         {
             self.newest = Some(found);
         }
@@ -176,26 +176,26 @@ mod tests {
     use proptest::prelude::*;
 
     /// A direct implementation of the rule, which tests every sample.
-    fn read_by_search(visibility: &DeliveryRule, t: Ticks, first_sample: bool) -> Read {
-        let arrived = |k: &u64| visibility.producer().instant(*k) + visibility.delay(*k) <= t;
+    fn read_by_search(delivery: &DeliveryRule, t: Ticks, first_sample: bool) -> Read {
+        let arrived = |k: &u64| delivery.producer().instant(*k) + delivery.delay(*k) <= t;
         let sent = (0..200).rev().filter(arrived);
-        let newest = match visibility.hold() {
-            Hold::Last | Hold::Linear => sent.clone().find(|&k| !visibility.is_dropped(k)),
+        let newest = match delivery.hold() {
+            Hold::Last | Hold::Linear => sent.clone().find(|&k| !delivery.is_dropped(k)),
             Hold::Initial => match sent.clone().next() {
-                Some(k) if visibility.is_dropped(k) => return Read::Initial,
+                Some(k) if delivery.is_dropped(k) => return Read::Initial,
                 other => other,
             },
         };
         match newest {
-            Some(k) if visibility.hold() == Hold::Linear => {
+            Some(k) if delivery.hold() == Hold::Linear => {
                 // The next sample that is not lost, if it has arrived by `t` without the delay and was taken before.
-                let mut undelayed = visibility.clone();
+                let mut undelayed = delivery.clone();
                 undelayed.clear_fixed_delay();
                 let there = |next: &u64| {
-                    visibility.producer().instant(*next) < t && has_arrived_without_delay(&undelayed, *next, t)
+                    delivery.producer().instant(*next) < t && has_arrived_without_delay(&undelayed, *next, t)
                 };
-                let next = (k + 1..400).find(|&next| !visibility.is_dropped(next)).filter(there);
-                let between = next.filter(|_| visibility.weight(t, k, k + 1) > 0.0);
+                let next = (k + 1..400).find(|&next| !delivery.is_dropped(next)).filter(there);
+                let between = next.filter(|_| delivery.weight(t, k, k + 1) > 0.0);
                 between.map_or(Read::Sample(k), |next| Read::Between(k, next))
             }
             Some(k) => Read::Sample(k),
@@ -241,19 +241,19 @@ mod tests {
             };
             let faults: Vec<LinkFault> = faults.iter().enumerate().map(fault).collect();
             let producer = SampleTime { offset, period };
-            let visibility = DeliveryRule::new(&timing, &faults, producer, &timebase, seed, "x").unwrap();
+            let delivery = DeliveryRule::new(&timing, &faults, producer, &timebase, seed, "x").unwrap();
             let consumer = SampleTime { offset: consumer_offset, period: consumer_period };
-            let mut schedule = ReadSchedule::new(visibility.clone(), consumer, first_sample);
+            let mut schedule = ReadSchedule::new(delivery.clone(), consumer, first_sample);
             let mut last = 0;
             for k in 0..consumer.count_before(200 * period.min(5)) {
                 let read = schedule.advance();
-                prop_assert_eq!(read, read_by_search(&visibility, consumer.instant(k), first_sample), "activation {}", k);
+                prop_assert_eq!(read, read_by_search(&delivery, consumer.instant(k), first_sample), "activation {}", k);
                 if let Some(index) = read.samples().next() {
                     prop_assert!(index >= last, "reads never go back");
                     last = index;
                 }
                 if let Read::Between(before, after) = read {
-                    let weight = visibility.weight(consumer.instant(k), before, after);
+                    let weight = delivery.weight(consumer.instant(k), before, after);
                     prop_assert!(0.0 < weight && weight < 1.0, "{}", weight);
                     let seconds = |tick: Ticks| tick as f64 / 1000.0;
                     let now = seconds(consumer.instant(k)) - timing.delay.seconds();
@@ -313,11 +313,11 @@ mod tests {
                 ..Timing::default()
             };
             let producer = SampleTime { offset: 0, period: 10 };
-            let visibility = DeliveryRule::new(&timing, &[], producer, &timebase, seed, "x").unwrap();
-            let (least, most) = visibility.delay_bounds();
+            let delivery = DeliveryRule::new(&timing, &[], producer, &timebase, seed, "x").unwrap();
+            let (least, most) = delivery.delay_bounds();
             prop_assert_eq!(least, timebase.ceil(timing.delay).unwrap());
             for k in 0..50 {
-                prop_assert!((least..=most).contains(&visibility.delay(k)));
+                prop_assert!((least..=most).contains(&delivery.delay(k)));
             }
         }
     }

@@ -52,7 +52,7 @@ pub struct InputLink {
     /// The name of the output, for messages.
     pub from: String,
     /// The delivery rule.
-    pub visibility: DeliveryRule,
+    pub delivery: DeliveryRule,
     /// What is read before anything is visible.
     pub initial: Initial,
     /// The number of samples that fit into the link.
@@ -106,7 +106,7 @@ pub struct Consumer {
     /// The number of the consuming participant.
     pub participant: u32,
     /// The delivery rule.
-    pub visibility: DeliveryRule,
+    pub delivery: DeliveryRule,
     /// The consumer's activations.
     pub sample_time: SampleTime,
     /// Whether the consumer reads sample 0 before anything is visible.
@@ -120,7 +120,7 @@ pub struct Consumer {
 impl Consumer {
     /// The reads of the link.
     pub fn schedule(&self) -> ReadSchedule {
-        ReadSchedule::new(self.visibility.clone(), self.sample_time, self.first_sample)
+        ReadSchedule::new(self.delivery.clone(), self.sample_time, self.first_sample)
     }
 }
 
@@ -147,7 +147,7 @@ impl Plan {
                 input: input as u32,
                 link: number as u32,
                 from: self.output_name(link.from),
-                visibility: link.visibility.clone(),
+                delivery: link.delivery.clone(),
                 initial: link.initial.clone(),
                 capacity: link.capacity as u32,
                 disturbed: self.has_output_fault(link.from),
@@ -169,7 +169,7 @@ impl Plan {
                 link: number as u32,
                 to: self.input_name(link.to),
                 participant: link.to.0 as u32,
-                visibility: link.visibility.clone(),
+                delivery: link.delivery.clone(),
                 sample_time: self.participants[link.to.0].sample_time,
                 first_sample: link.initial == Initial::FirstSample,
                 capacity: link.capacity as u32,

@@ -175,7 +175,7 @@ impl Plan {
             None => format!("{}.{}", spec.to.0, spec.to.1),
             Some(own) => format!("{}.{}.{own}", spec.to.0, spec.to.1),
         };
-        let visibility = DeliveryRule::new(
+        let delivery = DeliveryRule::new(
             &spec.timing,
             &spec.faults,
             from.sample_time,
@@ -187,14 +187,14 @@ impl Plan {
             link: spec.name.clone(),
             source,
         })?;
-        let capacity = capacity::capacity(&spec.name, (&spec.timing, &spec.faults), &visibility, to.sample_time)?;
+        let capacity = capacity::capacity(&spec.name, (&spec.timing, &spec.faults), &delivery, to.sample_time)?;
         Ok(Link {
             name: spec.name.clone(),
             from: (producer, output),
             to: (consumer, input),
             timing: spec.timing,
             faults: spec.faults.clone(),
-            visibility,
+            delivery,
             initial,
             conversion: spec.conversion.clone(),
             capacity,

@@ -17,11 +17,11 @@ use crate::time::SampleTime;
 pub(super) fn capacity(
     link: &str,
     (timing, faults): (&Timing, &[LinkFault]),
-    visibility: &DeliveryRule,
+    delivery: &DeliveryRule,
     consumer: SampleTime,
 ) -> Result<usize, PlanError> {
-    let (_, delay) = visibility.delay_bounds();
-    let period = i128::from(visibility.producer().period);
+    let (_, delay) = delivery.delay_bounds();
+    let period = i128::from(delivery.producer().period);
     // The consumer's lag within one of its own periods does not enter the argument, but a buffer for two of them lets the producer work
     // on while the consumer computes.
     let lag = 2 * i128::from(consumer.period) / period.max(1);

@@ -94,12 +94,12 @@ impl Plan {
         };
         // From this instant on, an activation reads the newest sample that was sent, or a later one, or none of these.
         let settled = link
-            .visibility
+            .delivery
             .producer()
             .instant(newest)
-            .saturating_add(link.visibility.delay_bounds().1);
+            .saturating_add(link.delivery.delay_bounds().1);
         let mut schedule = ReadSchedule::new(
-            link.visibility.clone(),
+            link.delivery.clone(),
             consumer.sample_time,
             link.initial == Initial::FirstSample,
         );

@@ -162,7 +162,7 @@ impl Plan {
                 Read::Sample(index) => Some(sent_sample(index)?),
                 Read::Between(before, after) => {
                     let t = self.participants[participant].sample_time.instant(k);
-                    let weight = link.visibility.weight(t, before, after);
+                    let weight = link.delivery.weight(t, before, after);
                     let sent_descriptor = &self.participants[link.from.0].interface.outputs[link.from.1].descriptor;
                     let (before, after) = (sent_sample(before)?, sent_sample(after)?);
                     let mut received = before.clone();

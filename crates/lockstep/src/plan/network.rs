@@ -82,7 +82,7 @@ pub struct Link {
     /// The link faults, as the user wrote them.
     pub faults: Vec<LinkFault>,
     /// The delivery rule in ticks.
-    pub visibility: DeliveryRule,
+    pub delivery: DeliveryRule,
     /// What is read before anything is visible.
     pub initial: Initial,
     /// The conversion of its samples to fields of the input; without one they are the input.
@@ -126,7 +126,7 @@ impl Plan {
     pub fn schedule(&self, link: usize) -> ReadSchedule {
         let link = &self.links[link];
         let consumer = self.participants[link.to.0].sample_time;
-        ReadSchedule::new(link.visibility.clone(), consumer, link.initial == Initial::FirstSample)
+        ReadSchedule::new(link.delivery.clone(), consumer, link.initial == Initial::FirstSample)
     }
 
     /// The links that feed the inputs of participant number `participant`, in the order of its assignment.

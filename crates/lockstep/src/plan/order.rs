@@ -27,7 +27,7 @@ fn instant_edges(plan: &Plan) -> Vec<Edge> {
     plan.links
         .iter()
         .enumerate()
-        .filter(|(_, link)| sampled(link.from.0) && link.visibility.delay_bounds().0 == 0)
+        .filter(|(_, link)| sampled(link.from.0) && link.delivery.delay_bounds().0 == 0)
         .map(|(number, link)| Edge {
             from: link.from.0,
             to: link.to.0,

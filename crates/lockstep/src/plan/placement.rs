@@ -113,7 +113,7 @@ fn alternating_groups(plan: &Plan) -> Vec<Vec<usize>> {
     let short_links = plan.links.iter().filter(|link| {
         let periods = [link.from.0, link.to.0].map(|end| plan.participants[end].sample_time.period);
         // In a wider type: half a period of one tick is not a whole tick, and twice a long delay may exceed the range of ticks.
-        2 * i128::from(link.visibility.delay_bounds().0) < i128::from(periods[0].max(periods[1]))
+        2 * i128::from(link.delivery.delay_bounds().0) < i128::from(periods[0].max(periods[1]))
     });
     let edges: Vec<(usize, usize)> = short_links.map(|link| (link.from.0, link.to.0)).collect();
     let mut groups = strongly_connected(plan.participants.len(), &edges);

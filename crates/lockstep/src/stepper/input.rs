@@ -40,7 +40,7 @@ impl InputState {
         receiver: Box<dyn Receiver>,
         backlog: Vec<InFlightSample>,
     ) -> InputState {
-        let mut schedule = ReadSchedule::new(link.visibility.clone(), consumer, link.initial == Initial::FirstSample);
+        let mut schedule = ReadSchedule::new(link.delivery.clone(), consumer, link.initial == Initial::FirstSample);
         schedule.skip_to(next);
         let message = link.message(descriptor);
         InputState {
@@ -52,8 +52,8 @@ impl InputState {
             shows_initial: false,
             conversion: conversion(link, descriptor)
                 .map(|conversion| (conversion, Payload::zeroed(message.size as usize))),
-            interpolator: (link.visibility.hold() == Hold::Linear)
-                .then(|| Interpolator::new(message, link.visibility.clone())),
+            interpolator: (link.delivery.hold() == Hold::Linear)
+                .then(|| Interpolator::new(message, link.delivery.clone())),
         }
     }
 
@@ -112,7 +112,7 @@ fn conversion(link: &InputLink, takes: &Descriptor) -> Option<PreparedConversion
 /// other's values need not have the same ones, and an interpolated value between two numbers need not be a number.
 fn preserves_validity(link: &InputLink, joined: &PreparedConversion, takes: &Descriptor) -> bool {
     let number = |field: &Field| field.element.is_number();
-    joined.only_copies() && link.visibility.hold() != Hold::Linear && takes.fields.iter().all(number)
+    joined.only_copies() && link.delivery.hold() != Hold::Linear && takes.fields.iter().all(number)
 }
 
 /// An input that is assembled from the samples of its links.

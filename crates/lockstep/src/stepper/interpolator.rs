@@ -9,7 +9,7 @@ use crate::time::Ticks;
 
 pub(super) struct Interpolator {
     descriptor: Descriptor,
-    visibility: DeliveryRule,
+    delivery: DeliveryRule,
     before: BufferedSample,
     after: BufferedSample,
 }
@@ -20,14 +20,14 @@ struct BufferedSample {
 }
 
 impl Interpolator {
-    pub(super) fn new(descriptor: &Descriptor, visibility: DeliveryRule) -> Interpolator {
+    pub(super) fn new(descriptor: &Descriptor, delivery: DeliveryRule) -> Interpolator {
         let empty = || BufferedSample {
             index: None,
             payload: Payload::zeroed(descriptor.size as usize),
         };
         Interpolator {
             descriptor: descriptor.clone(),
-            visibility,
+            delivery,
             before: empty(),
             after: empty(),
         }
@@ -60,7 +60,7 @@ impl Interpolator {
         if self.after.index != Some(after) && !self.receive(source, after)? {
             return Ok(Some(after));
         }
-        let weight = self.visibility.weight(t, before, after);
+        let weight = self.delivery.weight(t, before, after);
         let (before, after) = (self.before.payload.bytes(), self.after.payload.bytes());
         interpolate(&self.descriptor, before, after, weight, out);
         Ok(None)

@@ -35,7 +35,7 @@ impl Source {
             from: link.from.clone(),
             values: ValueCheck::new(message, link.disturbed),
             descriptor: message.clone(),
-            producer: link.visibility.producer(),
+            producer: link.delivery.producer(),
             timebase,
             received: None,
             backlog: backlog.into(),

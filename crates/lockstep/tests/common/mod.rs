@@ -328,7 +328,7 @@ fn take_ready(plan: &Plan, remaining: &mut Vec<(Ticks, usize, u64)>) -> (Ticks, 
             && !plan.links.iter().any(|link| {
                 let feeds = link.to.0 == number
                     && plan.participants[link.from.0].interface.kind == Kind::Sampled
-                    && link.visibility.delay_bounds().0 == 0;
+                    && link.delivery.delay_bounds().0 == 0;
                 feeds
                     && remaining
                         .iter()
@@ -342,20 +342,20 @@ fn take_ready(plan: &Plan, remaining: &mut Vec<(Ticks, usize, u64)>) -> (Ticks, 
 fn received(plan: &Plan, tape: &Tape, link: usize, now: Ticks) -> ReceivedSample {
     let link = &plan.links[link];
     let stream = plan.participants[link.from.0].first_stream as usize + link.from.1;
-    let arrived = |index: u64, stamp: Ticks| stamp + link.visibility.delay(index) <= now;
+    let arrived = |index: u64, stamp: Ticks| stamp + link.delivery.delay(index) <= now;
     let sent = tape[stream]
         .iter()
         .rev()
         .filter(|(index, stamp, _)| arrived(*index, *stamp));
-    let newest = match link.visibility.hold() {
+    let newest = match link.delivery.hold() {
         Hold::Last | Hold::Linear => sent
             .clone()
-            .find(|(index, ..)| !link.visibility.is_dropped(*index))
+            .find(|(index, ..)| !link.delivery.is_dropped(*index))
             .map(Some),
         Hold::Initial => sent
             .clone()
             .next()
-            .map(|sample| (!link.visibility.is_dropped(sample.0)).then_some(sample)),
+            .map(|sample| (!link.delivery.is_dropped(sample.0)).then_some(sample)),
     };
     let sent = |index: u64| {
         let producer = &plan.participants[link.from.0];
@@ -368,14 +368,14 @@ fn received(plan: &Plan, tape: &Tape, link: usize, now: Ticks) -> ReceivedSample
         faults::with_faults(plan, place, plan.faults.len(), index, &instant, &recorded)
     };
     match (newest, &link.initial) {
-        (Some(Some((index, ..))), _) if link.visibility.hold() == Hold::Linear => {
-            let Some(next) = link.visibility.interpolation_target(*index, now) else {
+        (Some(Some((index, ..))), _) if link.delivery.hold() == Hold::Linear => {
+            let Some(next) = link.delivery.interpolation_target(*index, now) else {
                 return ReceivedSample::Sample(sent(*index));
             };
             let number = |bytes: &[u8]| f64::from_le_bytes(bytes[8..].try_into().unwrap());
             let (before, after) = (sent(*index), sent(next));
             let (a, b) = (number(&before), number(&after));
-            let weight = link.visibility.weight(now, *index, next);
+            let weight = link.delivery.weight(now, *index, next);
             let x = if (b - a).is_finite() {
                 a + weight * (b - a)
             } else {
