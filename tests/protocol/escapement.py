@@ -86,10 +86,10 @@ class Reader:
         drop_below, hold, key = self.take("Q"), self.take("I"), self.take("Q")
         if hold == 2:
             raise Refused("a connection interpolates, which this program does not do: write hold = \"last\"")
-        disruption = lambda: (self.take("q"), self.take("q"), self.wide(), self.take("Q"), self.take("Q"))
-        return Visibility(producer, base, spread, scale, drop_below, hold, key, self.list(disruption))
+        link_fault = lambda: (self.take("q"), self.take("q"), self.wide(), self.take("Q"), self.take("Q"))
+        return DeliveryRule(producer, base, spread, scale, drop_below, hold, key, self.list(link_fault))
 
-    def disturbances(self):
+    def signal_faults(self):
         if self.take("Q"):
             raise Refused("signal faults are not for this program: name another participant")
 
@@ -103,8 +103,8 @@ class Reader:
     def input_link(self):
         port, link, source, delivery = self.take("I"), self.take("I"), self.text(), self.delivery()
         initial = self.bytes() if self.take("I") == 0 else None
-        capacity, disturbed = self.take("I"), self.take("B")
-        if disturbed:
+        capacity, has_faults = self.take("I"), self.take("B")
+        if has_faults:
             raise Refused("signal faults are not for this program: name another participant")
         if self.take("B"):
             raise Refused(f"the connection from {source} converts fields, which this program does not do: connect whole ports")
@@ -115,7 +115,7 @@ class Reader:
         # Which samples are observed: this program computes and sends all of them.
         _every, _first, _end = self.take("Q"), self.take("Q"), self.take("Q")
         consumers = self.list(self.consumer)
-        self.disturbances()
+        self.signal_faults()
         return stream, consumers
 
     def consumer(self):
@@ -187,26 +187,26 @@ def mix(z):
     return z ^ (z >> 31)
 
 
-class Visibility:
-    def __init__(self, producer, base, spread, scale, drop_below, hold, key, disruptions):
+class DeliveryRule:
+    def __init__(self, producer, base, spread, scale, drop_below, hold, key, link_faults):
         self.producer, self.base, self.spread, self.scale = producer, base, spread, scale
-        self.drop_below, self.hold, self.key, self.disruptions = drop_below, hold, key, disruptions
+        self.drop_below, self.hold, self.key, self.link_faults = drop_below, hold, key, link_faults
 
     def draw(self, i, key=None):
         return mix(((self.key if key is None else key) + 0x9E3779B97F4A7C15 * (i + 1)) & U64) >> 32
 
-    def active_disruptions(self, k):
-        return [d for d in self.disruptions if d[0] <= self.instant(k) < d[1]]
+    def active_link_faults(self, k):
+        return [d for d in self.link_faults if d[0] <= self.instant(k) < d[1]]
 
     def instant(self, k):
         return self.producer[0] + k * self.producer[1]
 
     def dropped(self, k):
         lost = self.drop_below > 0 and self.draw(2 * k + 1) < self.drop_below
-        return lost or any(self.draw(k, key) < below for _, _, _, below, key in self.active_disruptions(k))
+        return lost or any(self.draw(k, key) < below for _, _, _, below, key in self.active_link_faults(k))
 
     def visible(self, k, t):
-        late = self.base + self.spread * (self.draw(2 * k) if self.spread else 0) + sum(d[2] for d in self.active_disruptions(k))
+        late = self.base + self.spread * (self.draw(2 * k) if self.spread else 0) + sum(d[2] for d in self.active_link_faults(k))
         return self.instant(k) - (-late // self.scale) <= t
 
     def sample_to_read(self, t):

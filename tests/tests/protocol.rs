@@ -175,7 +175,7 @@ impl PageDecoder<'_> {
         (to, terms, self.f64(), self.u8())
     }
     /// From, until, extra, drop_below; without the key.
-    fn disruptions(&mut self) -> Vec<(i64, i64, i128, u64)> {
+    fn link_faults(&mut self) -> Vec<(i64, i64, i128, u64)> {
         self.list(|this| {
             let one = (this.i64(), this.i64(), this.i128(), this.u64());
             this.u64();
@@ -238,7 +238,7 @@ fn assignment_decodes_as_documented() {
     );
     assert_ne!(key, 0);
     // A fault of the link: 3 ms more from 100 ms to 200 ms, and half of the samples lost.
-    assert_eq!(decoder.disruptions(), [(100, 200, 3 * scale, 1 << 31)]);
+    assert_eq!(decoder.link_faults(), [(100, 200, 3 * scale, 1 << 31)]);
     assert_eq!((decoder.u32(), decoder.bytes()), (0, vec![0; 16]));
     assert_eq!(u64::from(decoder.u32()), plan.links[0].capacity as u64);
     // No fault of the output. Twice the position goes into the position, and 3 m/s into the velocity.

@@ -58,7 +58,7 @@ pub struct InputLink {
     /// The number of samples that fit into the link.
     pub capacity: u32,
     /// Whether a fault at the output may have made its samples NaN or infinite.
-    pub disturbed: bool,
+    pub has_faults: bool,
     /// The conversion of its samples to fields of the input; without one they are the input.
     pub conversion: Option<Conversion>,
 }
@@ -150,7 +150,7 @@ impl Plan {
                 delivery: link.delivery.clone(),
                 initial: link.initial.clone(),
                 capacity: link.capacity as u32,
-                disturbed: self.has_output_fault(link.from),
+                has_faults: self.has_output_fault(link.from),
                 conversion: link.conversion.clone(),
             }
         });

@@ -146,7 +146,7 @@ impl Assembled {
                     port,
                     links,
                     preserves_validity: joined.all(|(link, joined)| preserves_validity(link, joined, descriptor)),
-                    values: ValueCheck::new(descriptor, own.iter().any(|link| link.disturbed)),
+                    values: ValueCheck::new(descriptor, own.iter().any(|link| link.has_faults)),
                     descriptor: descriptor.clone(),
                 });
             }

@@ -33,7 +33,7 @@ impl Source {
         Source {
             receiver,
             from: link.from.clone(),
-            values: ValueCheck::new(message, link.disturbed),
+            values: ValueCheck::new(message, link.has_faults),
             descriptor: message.clone(),
             producer: link.delivery.producer(),
             timebase,
