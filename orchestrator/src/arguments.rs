@@ -7,7 +7,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lockstep::time::{Rational, TimeError};
 
-use engine::run::{self, Known, Overrun, RunFailure, Wait};
+use engine::run::{self, CheckedScenario, Overrun, RunFailure, Wait};
 use engine::scenario::{Changes, FaultSpec, Program, RunSpec, Scenario, Time};
 
 use crate::destination;
@@ -265,7 +265,7 @@ impl StartArgs {
     ///
     /// # Errors
     /// The reason for which a run would be rejected.
-    pub fn check(&self, scenario: &Scenario) -> Result<Known, RunFailure> {
+    pub fn check(&self, scenario: &Scenario) -> Result<CheckedScenario, RunFailure> {
         const CHEAP: usize = 16;
         let asked = |program: &&Program| !matches!(program, Program::Builtin(_) | Program::Fmu { .. });
         let programs = scenario.programs().filter(asked).count();

@@ -80,7 +80,7 @@ impl Program {
     /// use orchestrator::Program;
     ///
     /// fn contents(catalogue: Catalogue) -> Catalogue {
-    ///     catalogue.remark(|scenario| vec![format!("`{}` was written in a hurry", scenario.title)])
+    ///     catalogue.warning(|scenario| vec![format!("`{}` was written in a hurry", scenario.title)])
     /// }
     ///
     /// fn main() -> std::process::ExitCode {

@@ -25,7 +25,7 @@ pub fn contents(catalogue: Catalogue) -> Catalogue {
         .participant("guidance", guidance_proc::factory)
         .participant("spring", spring::make)
         .assessment("capture", capture::assessment::from_table)
-        .remark(capture::provenance::remarks)
+        .warning(capture::provenance::warnings)
         .finding(capture::velocity_loop::findings)
         .view(capture::report_view::view)
         .failures(capture::actuators::single_failure_cases)

@@ -1,7 +1,7 @@
 //! SIMD stepping of several plants at once: the costly parts of a step, the integration and the body quantities of the truth message, are
 //! computed for all of them in the lanes of the processor.
 
-use lockstep::participant::{Abreast, StepAbreast};
+use lockstep::participant::{BatchedStep, StepBatch};
 use multibody::{F64x4, Lanes, Method};
 
 use crate::dynamics::{BodyQuantities, Models, SteppedPlant};
@@ -46,10 +46,10 @@ impl BatchKey {
     }
 }
 
-impl StepAbreast for Plant {
+impl StepBatch for Plant {
     type Common = PackedModels;
 
-    fn step_abreast(plants: &mut [Abreast<'_, Plant>], packed: &mut PackedModels) {
+    fn step_batch(plants: &mut [BatchedStep<'_, Plant>], packed: &mut PackedModels) {
         let mut bodies: Vec<Option<BodyQuantities>> = vec![None; plants.len()];
         let pending = plants.iter_mut().zip(&mut bodies).map(|(one, bodies)| {
             let (plant, period) = (&mut *one.participant, one.step.period);

@@ -289,7 +289,7 @@ impl Participant for Plant {
         Ok(())
     }
 
-    fn abreast(&mut self) -> Option<Member<'_>> {
+    fn batch_member(&mut self) -> Option<Member<'_>> {
         Some(Member::of(self))
     }
 

@@ -85,11 +85,11 @@ fn batched_plants_have_the_bits_of_single_plants() {
             stride.step(&mut pending);
         }
         for (number, (one, scenario)) in all.into_iter().zip(&scenarios).enumerate() {
-            let (abreast, alone) = (one.tape(), run(scenario));
+            let (batched, alone) = (one.tape(), run(scenario));
             for (stream, name) in alone.streams.iter().enumerate() {
                 assert!(alone.samples[stream].len() > 2, "{}", name.0);
                 assert!(
-                    abreast.samples[stream] == alone.samples[stream],
+                    batched.samples[stream] == alone.samples[stream],
                     "{} of plant {number} of {count} differs",
                     name.0
                 );

@@ -22,10 +22,10 @@ fn read(urdf: &str) -> Option<UrdfReading> {
     Description::read_urdf(urdf, UrdfOptions { allow_unphysical: true }).ok()
 }
 
-/// Remarks about a scenario: the parts of its robot descriptions that the models ignore, and mismatches between the gains
+/// Warnings about a scenario: the parts of its robot descriptions that the models ignore, and mismatches between the gains
 /// of its controllers and their provenance. None of them prevents a run: a changed robot may well work with its old gains,
 /// but the properties of the gains were proved for another robot.
-pub fn remarks(scenario: &Scenario) -> Vec<String> {
+pub fn warnings(scenario: &Scenario) -> Vec<String> {
     let mut out = Vec::new();
     let mut seen = Vec::new();
     for entry in &scenario.participants {

@@ -17,7 +17,7 @@ use crate::replay::player;
 use crate::scenario::{Program, Scenario};
 
 /// Warnings about a scenario before it runs; none of them keeps the scenario from running.
-type Remarks = Arc<dyn Fn(&Scenario) -> Vec<String> + Send + Sync>;
+type Warnings = Arc<dyn Fn(&Scenario) -> Vec<String> + Send + Sync>;
 
 /// A finding of `check` about a scenario.
 #[derive(Debug, Clone)]
@@ -50,7 +50,7 @@ type Failures = Arc<dyn Fn(&Scenario, &Path, &[Rational], bool) -> Result<Cases,
 #[derive(Clone)]
 pub struct Catalogue {
     builtins: Arc<Builtins>,
-    remarks: Vec<Remarks>,
+    warnings: Vec<Warnings>,
     findings: Vec<Findings>,
     failures: Option<Failures>,
     views: Vec<Views>,
@@ -81,7 +81,7 @@ impl Catalogue {
     pub fn new(version: impl Into<String>) -> Catalogue {
         let catalogue = Catalogue {
             builtins: Arc::new(Builtins::new(version.into())),
-            remarks: Vec::new(),
+            warnings: Vec::new(),
             findings: Vec::new(),
             failures: None,
             views: Vec::new(),
@@ -128,8 +128,8 @@ impl Catalogue {
 
     /// Adds warnings about scenarios, which `run` and `check` print.
     #[must_use]
-    pub fn remark(mut self, remarks: impl Fn(&Scenario) -> Vec<String> + Send + Sync + 'static) -> Catalogue {
-        self.remarks.push(Arc::new(remarks));
+    pub fn warning(mut self, warnings: impl Fn(&Scenario) -> Vec<String> + Send + Sync + 'static) -> Catalogue {
+        self.warnings.push(Arc::new(warnings));
         self
     }
 
@@ -181,14 +181,9 @@ impl Catalogue {
 
     /// The warnings about `scenario`, whose `findings` are given.
     pub fn warnings_with(&self, scenario: &Scenario, findings: &[Finding]) -> Vec<String> {
-        let from_remarks = self.remarks.iter().flat_map(|remarks| remarks(scenario));
+        let of_program = self.warnings.iter().flat_map(|warnings| warnings(scenario));
         let found = findings.iter().flat_map(|finding| finding.warnings.iter().cloned());
-        scenario
-            .remarks()
-            .into_iter()
-            .chain(from_remarks)
-            .chain(found)
-            .collect()
+        scenario.warnings().into_iter().chain(of_program).chain(found).collect()
     }
 
     /// The findings of `check` about `scenario`.

@@ -42,7 +42,7 @@ pub struct ShadowReport {
     /// Up to which instant it was fed, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub to_s: Option<f64>,
-    /// Further remarks.
+    /// Further notes.
     pub notes: Vec<String>,
     /// A is the run, B the shadow.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -164,14 +164,14 @@ fn trees_in_lanes<T: Lanes>(seed: u64) {
         let force: Vec<SVector<f64, 15>> = (0..there)
             .map(|_| SVector::from_column_slice(&rng.list(15, 5.0)))
             .collect();
-        let abreast = Trees::<9, 15, T>::new(&trees.iter().collect::<Vec<_>>()).expect("one shape");
+        let batched = Trees::<9, 15, T>::new(&trees.iter().collect::<Vec<_>>()).expect("one shape");
         let s = State::gather(&states.iter().collect::<Vec<_>>());
         let tau = SVector::from_fn(|i, _| T::gather(|lane| force[lane.min(there - 1)][i]));
-        let moved = rk4(&abreast, &s, &tau, 1e-3);
-        let k = abreast.kinematics(&s);
+        let moved = rk4(&batched, &s, &tau, 1e-3);
+        let k = batched.kinematics(&s);
         let frame = trees[0].frame("end_effector").expect("the model has it");
-        let (jacobian, (p, _)) = (abreast.jacobian(&k, frame), abreast.placement(&k, frame));
-        let (momentum, energy) = abreast.momentum_and_energy(&k);
+        let (jacobian, (p, _)) = (batched.jacobian(&k, frame), batched.placement(&k, frame));
+        let (momentum, energy) = batched.momentum_and_energy(&k);
         for lane in 0..there {
             let (tree, own) = (&trees[lane], &states[lane]);
             let alone = rk4(tree, own, &force[lane], 1e-3);
@@ -202,7 +202,7 @@ fn trees_in_lanes<T: Lanes>(seed: u64) {
             for (a, b) in momentum.angular_b.iter().zip(m.angular_b.iter()) {
                 same(*a, *b, "momentum");
             }
-            same(abreast.damper_power(&s.nu), tree.damper_power(&own.nu), "power");
+            same(batched.damper_power(&s.nu), tree.damper_power(&own.nu), "power");
         }
     }
 }

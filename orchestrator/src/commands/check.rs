@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::arguments::{ScenarioArgs, StartArgs};
 use crate::catalogue::catalogue;
 use crate::output;
-use engine::run::{Known, Options, Placement, RunFailure, faults, resources};
+use engine::run::{CheckedScenario, Options, Placement, RunFailure, faults, resources};
 use engine::scenario::{Program, Scenario};
 use lockstep::link::Hold;
 use lockstep::plan::Link;
@@ -67,7 +67,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
 }
 
 /// The plan, without assumptions about participants that were not queried.
-fn json_of(known: &Known) -> serde_json::Result<Value> {
+fn json_of(known: &CheckedScenario) -> serde_json::Result<Value> {
     let mut plan = serde_json::to_value(&known.plan)?;
     if known.unknown().is_empty() {
         return Ok(plan);
@@ -108,7 +108,7 @@ fn program(program: &Program) -> String {
     }
 }
 
-fn describe(out: &mut impl Write, scenario: &Scenario, known: &Known) {
+fn describe(out: &mut impl Write, scenario: &Scenario, known: &CheckedScenario) {
     let (plan, unknown) = (&known.plan, known.unknown());
     say!(out, "{}: {}", scenario.name, scenario.title);
     say!(
@@ -154,7 +154,7 @@ fn describe(out: &mut impl Write, scenario: &Scenario, known: &Known) {
     }
 }
 
-fn describe_participants(out: &mut impl Write, scenario: &Scenario, known: &Known, unknown: &[&str]) {
+fn describe_participants(out: &mut impl Write, scenario: &Scenario, known: &CheckedScenario, unknown: &[&str]) {
     let plan = &known.plan;
     let mut order: Vec<usize> = (0..plan.participants.len()).collect();
     if unknown.is_empty() {
@@ -192,7 +192,7 @@ fn describe_participants(out: &mut impl Write, scenario: &Scenario, known: &Know
     }
 }
 
-fn describe_link(out: &mut impl Write, known: &Known, link: &Link) {
+fn describe_link(out: &mut impl Write, known: &CheckedScenario, link: &Link) {
     let plan = &known.plan;
     let mut timing = format!("delay {}", link.timing.delay);
     if link.timing.jitter.is_positive() {

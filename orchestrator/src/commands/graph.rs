@@ -10,7 +10,7 @@ use lockstep::plan::{Link, Plan};
 
 use crate::arguments::{ScenarioArgs, StartArgs};
 use engine::run::faults::notices;
-use engine::run::{Known, RunFailure};
+use engine::run::{CheckedScenario, RunFailure};
 use engine::scenario::Scenario;
 
 /// Arguments of `graph`.
@@ -58,7 +58,7 @@ pub fn run(args: &GraphArgs) -> anyhow::Result<i32> {
     }
 }
 
-fn draw(known: &Known, format: GraphFormat) -> String {
+fn draw(known: &CheckedScenario, format: GraphFormat) -> String {
     match format {
         GraphFormat::Mermaid => mermaid(known),
         GraphFormat::Dot => dot(known),
@@ -66,7 +66,7 @@ fn draw(known: &Known, format: GraphFormat) -> String {
 }
 
 /// The text below a participant's name: its order only where that of all is known.
-fn timing_text(known: &Known, all_known: bool, number: usize) -> String {
+fn timing_text(known: &CheckedScenario, all_known: bool, number: usize) -> String {
     let own = &known.plan.participants[number];
     let order = match (all_known, &known.interfaces[number]) {
         (true, _) => format!(", order {}", own.rank + 1),
@@ -149,7 +149,7 @@ impl Faults<'_> {
     }
 }
 
-fn mermaid(known: &Known) -> String {
+fn mermaid(known: &CheckedScenario) -> String {
     let plan = &known.plan;
     let (all, all_known) = (Faults::of(plan), known.unknown().is_empty());
     let mut text = String::from("flowchart LR\n");
@@ -177,7 +177,7 @@ fn mermaid(known: &Known) -> String {
     text
 }
 
-fn dot(known: &Known) -> String {
+fn dot(known: &CheckedScenario) -> String {
     let plan = &known.plan;
     let (all, all_known) = (Faults::of(plan), known.unknown().is_empty());
     let mut text = String::from(

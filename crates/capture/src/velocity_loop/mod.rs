@@ -93,7 +93,7 @@ pub fn findings(scenario: &Scenario) -> Vec<Finding> {
         name: "velocity_loops".into(),
         text: text.join("\n"),
         value: serde_json::to_value(&loops).unwrap_or_default(),
-        warnings: loops.iter().filter_map(VelocityLoop::remark).collect(),
+        warnings: loops.iter().filter_map(VelocityLoop::warning).collect(),
     }]
 }
 
@@ -129,7 +129,7 @@ impl VelocityLoop {
         )
     }
 
-    fn remark(&self) -> Option<String> {
+    fn warning(&self) -> Option<String> {
         if self.configurations.is_empty() {
             return Some(format!(
                 "participants.{}.parameters.gains: {}",

@@ -107,7 +107,7 @@ pub trait Assessment: Send {
     /// Processes a sample of stream number `stream` with its stamp, s.
     fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]);
 
-    /// The state, for an assessment that must continue after samples that no tape has ([`[record]`](crate::run::Kept)). By
+    /// The state, for an assessment that must continue after samples that no tape has ([`[record]`](crate::run::RecordedPart)). By
     /// default `None`; then a run in which it reads a stream that is not recorded completely cannot be saved.
     fn save(&self) -> Option<Vec<u8>> {
         None

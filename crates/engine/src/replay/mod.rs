@@ -64,7 +64,7 @@ pub struct Found {
     pub ending: Ending,
     /// A is the recording, B the replay; both up to the shorter one. An error has the reason why no sample was compared.
     pub comparison: Result<Comparison, String>,
-    /// Remarks for a reader of the result.
+    /// Notes for a reader of the result.
     pub notes: Vec<String>,
     /// The instant before which all activations were replayed, s; the stamp of its newest sample for a replay that ended earlier.
     pub to_s: f64,

@@ -37,7 +37,7 @@ use crate::scenario::{Entry, OnFailure, Scenario, ScenarioError, State};
 const PAUSE_POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// What is known of a scenario before anything starts.
-pub struct Known {
+pub struct CheckedScenario {
     /// The ports of each participant that this program contains.
     pub interfaces: Vec<Option<Interface>>,
     /// The plan; unknown ports of external programs are assumed to match the ports that they are connected to.
@@ -46,12 +46,12 @@ pub struct Known {
 
 /// Makes the participants that this program contains, makes the plan, and checks the assessment: everything except starting
 /// programs.
-pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
+pub fn check(scenario: &Scenario) -> Result<CheckedScenario, ScenarioError> {
     check_participants(scenario, scenario.make()?).map(|(known, _)| known)
 }
 
 /// [`check`] for a run in this process, into which the libraries of the scenario are loaded.
-pub fn check_here(scenario: &Scenario) -> Result<Known, ScenarioError> {
+pub fn check_here(scenario: &Scenario) -> Result<CheckedScenario, ScenarioError> {
     check_participants(scenario, scenario.make_here()?).map(|(known, _)| known)
 }
 
@@ -62,7 +62,7 @@ pub(super) type MadeParticipants = Vec<Option<Box<dyn Participant>>>;
 pub(super) fn check_participants(
     scenario: &Scenario,
     made: MadeParticipants,
-) -> Result<(Known, MadeParticipants), ScenarioError> {
+) -> Result<(CheckedScenario, MadeParticipants), ScenarioError> {
     let interfaces: Vec<Option<Interface>> = (made.iter())
         .map(|participant| participant.as_ref().map(|participant| participant.interface()))
         .collect();
@@ -92,10 +92,10 @@ pub(super) fn check_participants(
         };
         scenario.measures(&streams(&plan), certain)?;
     }
-    Ok((Known { interfaces, plan }, made))
+    Ok((CheckedScenario { interfaces, plan }, made))
 }
 
-impl Known {
+impl CheckedScenario {
     /// The names of the participants that were not asked for their ports.
     pub fn unknown(&self) -> Vec<&str> {
         let all = self.plan.participants.iter().zip(&self.interfaces);
@@ -109,7 +109,7 @@ impl Known {
 ///
 /// # Errors
 /// Everything for which a run of the scenario would be refused, and a program that does not answer.
-pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Known, RunFailure> {
+pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<CheckedScenario, RunFailure> {
     let known = check(scenario)?;
     let unknown = scenario.participants.iter().zip(&known.interfaces);
     let unknown: Vec<&Entry> = unknown
@@ -126,7 +126,7 @@ pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Kno
     if unknown.is_empty() {
         // Nothing was assumed, so this is the plan.
         check_substitutes()?;
-        return Ok(Known {
+        return Ok(CheckedScenario {
             interfaces: interfaces.into_iter().map(Some).collect(),
             plan: known.plan,
         });
@@ -137,7 +137,7 @@ pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Kno
     scenario.watches(&plan, |_| true)?;
     scenario.check_pictures(&plan, |_| true)?;
     scenario.kept(&plan, &streams(&plan), |_| true)?;
-    Ok(Known {
+    Ok(CheckedScenario {
         interfaces: interfaces.into_iter().map(Some).collect(),
         plan,
     })

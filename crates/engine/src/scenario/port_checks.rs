@@ -9,7 +9,7 @@ use super::resolve::Scenario;
 use super::{guards, measures, recorded, report_view};
 use crate::assessment::Assessment;
 use crate::measures::{CombinedAssessment, Definition, Measures};
-use crate::run::{Kept, SampleGuard};
+use crate::run::{RecordedPart, SampleGuard};
 
 impl Scenario {
     /// The guards, resolved against the ports of `plan`; those of participants whose ports are not `certain` are left out.
@@ -39,7 +39,7 @@ impl Scenario {
         plan: &Plan,
         streams: &[StreamSpec],
         certain: impl Fn(usize) -> bool,
-    ) -> Result<Vec<Kept>, ScenarioError> {
+    ) -> Result<Vec<RecordedPart>, ScenarioError> {
         recorded::kept_samples(&self.record, &self.source, plan, streams, certain)
     }
 

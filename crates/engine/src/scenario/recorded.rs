@@ -8,7 +8,7 @@ use super::error::{Mistake, ScenarioError};
 use super::names::{Names, unknown};
 use super::source::SourceContext;
 use super::spec::{Entries, RecordPart, RecordSpec, SEEN, ScenarioSpec, Time};
-use crate::run::Kept;
+use crate::run::RecordedPart;
 
 /// The entry of a scenario for a stream, or for all streams of a participant.
 #[derive(Debug, Clone)]
@@ -85,7 +85,7 @@ fn time(time: &Option<Time>) -> Option<Rational> {
 }
 
 /// The samples of `spec` that `entry` asks for.
-fn kept_part(spec: &StreamSpec, part: &RecordPart) -> Result<Kept, (&'static str, String)> {
+fn kept_part(spec: &StreamSpec, part: &RecordPart) -> Result<RecordedPart, (&'static str, String)> {
     let (every, from, to) = (time(&part.every), time(&part.from), time(&part.to));
     let times = [spec.offset, spec.period].into_iter();
     let own = times.chain([every, from, to].into_iter().flatten());
@@ -119,7 +119,7 @@ fn kept_part(spec: &StreamSpec, part: &RecordPart) -> Result<Kept, (&'static str
         Some(to) => (ticks("to", to)? - offset).div_euclid(stride).saturating_add(1).max(0) as u64,
         None => u64::MAX,
     };
-    Ok(Kept::part(every, first + u64::from(early), end))
+    Ok(RecordedPart::part(every, first + u64::from(early), end))
 }
 
 /// Whether `record` leaves samples of a stream out; `path` is the name of the stream, or of a field of it, without the participant.
@@ -155,8 +155,8 @@ pub(super) fn kept_samples(
     plan: &Plan,
     streams: &[StreamSpec],
     certain: impl Fn(usize) -> bool,
-) -> Result<Vec<Kept>, ScenarioError> {
-    let (mut all, mut mistakes) = (vec![Kept::WHOLE; streams.len()], Vec::new());
+) -> Result<Vec<RecordedPart>, ScenarioError> {
+    let (mut all, mut mistakes) = (vec![RecordedPart::WHOLE; streams.len()], Vec::new());
     let (whole_participants, single_streams): (Vec<&RecordRequest>, Vec<&RecordRequest>) =
         requests.iter().partition(|request| request.port.is_none());
     for request in whole_participants.into_iter().chain(single_streams) {
@@ -178,8 +178,8 @@ pub(super) fn kept_samples(
         }
         for (number, spec) in matching {
             let part = match &request.part {
-                RecordSpec::Whole => Ok(Kept::WHOLE),
-                RecordSpec::Nothing => Ok(Kept::NOTHING),
+                RecordSpec::Whole => Ok(RecordedPart::WHOLE),
+                RecordSpec::Nothing => Ok(RecordedPart::NOTHING),
                 RecordSpec::Part(part) => kept_part(spec, part),
             };
             match part {

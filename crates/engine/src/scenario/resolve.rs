@@ -276,23 +276,23 @@ impl Scenario {
         recorded::missing_samples_error(&self.record, &self.source, what)
     }
 
-    /// Remarks about settings that are not wrong, but cannot have been intended.
-    pub fn remarks(&self) -> Vec<String> {
-        let mut remarks = Vec::new();
-        let mut remark = |key: &str, reason: String| {
+    /// Warnings about settings that are not wrong, but cannot have been intended.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        let mut warn = |key: &str, reason: String| {
             let mistake = self.source.mistake(key, reason);
-            remarks.push(self.source.error(vec![mistake]).to_string());
+            warnings.push(self.source.error(vec![mistake]).to_string());
         };
         let end = self.duration;
         for entry in &self.participants {
             if entry.offset >= end {
                 let reason = format!("{} is not before the end at {end}: it is never activated", entry.offset);
-                remark(&format!("participants.{}.offset", entry.setup.name), reason);
+                warn(&format!("participants.{}.offset", entry.setup.name), reason);
             }
         }
         for (participant, input) in &self.inputs {
             let port = format!("{}.{input}", self.participants[*participant].setup.name);
-            remark(
+            warn(
                 "inputs",
                 format!("no output is connected to `{port}`: it is zero unless a program that drives the run sets it"),
             );
@@ -306,7 +306,7 @@ impl Scenario {
                     "with a delay of {delay} the next sample has often not been taken when it is needed, and the last one is held: a delay of \
                      at least the producer's period, {period}, is always interpolated"
                 );
-                remark(&format!("connections.{name}.hold"), reason);
+                warn(&format!("connections.{name}.hold"), reason);
             }
         }
         let faults = self.faults.start_times();
@@ -316,11 +316,11 @@ impl Scenario {
         for (key, at) in start_times {
             if at >= end {
                 let reason = format!("{at} is not before the end at {end}: it does not happen in this run");
-                remark(&format!("{key}.at"), reason);
+                warn(&format!("{key}.at"), reason);
             }
         }
         for (key, time) in self.measures.iter().filter_map(|measure| measure.window_after_end(end)) {
-            remark(
+            warn(
                 &key,
                 format!("{time} is after the end at {end}: nothing is measured in this run"),
             );
@@ -330,7 +330,7 @@ impl Scenario {
                 "there is no folder `{folder}`, to which relative paths are relative: this run needs none of them; write the folder that \
                  is meant, or leave the key out"
             );
-            remark(FOLDER, reason);
+            warn(FOLDER, reason);
         }
         if self
             .source
@@ -340,9 +340,9 @@ impl Scenario {
         {
             let reason = "its name is not UTF-8, so that plan.toml cannot have it: there relative paths will be relative to the run \
                           folder";
-            remark(FOLDER, reason.to_owned());
+            warn(FOLDER, reason.to_owned());
         }
-        remarks
+        warnings
     }
 
     /// The error that a parameter of `entry` is refused, with its place in the file.

@@ -1,6 +1,6 @@
 //! Participants: models that own their state and interact with the rest of the run only at communication points.
 
-mod abreast;
+mod batch;
 mod buffers;
 mod handles;
 mod interface;
@@ -11,7 +11,7 @@ mod termination;
 
 use std::sync::Arc;
 
-pub use abreast::{Abreast, BatchStepper, Member, PendingStep, StepAbreast};
+pub use batch::{BatchStepper, BatchedStep, Member, PendingStep, StepBatch};
 pub(crate) use buffers::ValueCheck;
 pub use buffers::{Inputs, Outputs, Payload};
 pub use handles::{InputPort, OutputPort, Ports};
@@ -77,9 +77,9 @@ pub trait Participant: Send {
     /// the step and writes the outputs for `step.t_next`.
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure>;
 
-    /// This participant as a member of a batch that is stepped by one call, if it supports that: see [`StepAbreast`]. The answer must
+    /// This participant as a member of a batch that is stepped by one call, if it supports that: see [`StepBatch`]. The answer must
     /// always be the same.
-    fn abreast(&mut self) -> Option<Member<'_>> {
+    fn batch_member(&mut self) -> Option<Member<'_>> {
         None
     }
 
@@ -123,8 +123,8 @@ impl<P: Participant + ?Sized> Participant for Box<P> {
         (**self).step(step, inputs, outputs)
     }
 
-    fn abreast(&mut self) -> Option<Member<'_>> {
-        (**self).abreast()
+    fn batch_member(&mut self) -> Option<Member<'_>> {
+        (**self).batch_member()
     }
 
     fn terminate(&mut self, why: Termination, log: &Log) {

@@ -9,7 +9,7 @@ impl Stepper {
     /// [`Progress::Deferred`](super::Progress::Deferred) with all inputs received, until the step that [`Stepper::pending`] returns has
     /// been executed.
     pub fn defer_steps(&mut self) {
-        self.deferred.wanted = self.participant.abreast().is_some();
+        self.deferred.wanted = self.participant.batch_member().is_some();
     }
 
     /// The step that is ready to be executed, if there is one.
@@ -19,7 +19,7 @@ impl Stepper {
         }
         Some(PendingStep {
             step: self.step,
-            member: self.participant.abreast()?,
+            member: self.participant.batch_member()?,
             inputs: &self.input_buffers,
             outputs: &mut self.output_buffers,
             result: &mut self.deferred.result,

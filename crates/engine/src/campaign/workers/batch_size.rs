@@ -13,9 +13,9 @@ pub fn efficient_lanes(scenario: &Scenario) -> usize {
     } else {
         Vec::new()
     };
-    let abreast = participants
+    let batched = participants
         .into_iter()
         .flatten()
-        .any(|mut participant| participant.abreast().is_some());
-    if abreast { SIDE_BY_SIDE } else { 1 }
+        .any(|mut participant| participant.batch_member().is_some());
+    if batched { SIDE_BY_SIDE } else { 1 }
 }

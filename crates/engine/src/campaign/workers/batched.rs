@@ -46,7 +46,7 @@ impl PointBatch {
     pub fn start(&mut self, ticket: u64, request: PointRequest, alone: bool) -> Option<FinishedPoint> {
         match request.start(&self.catalogue, alone) {
             StartedPoint::Finished(result) => Some((ticket, result)),
-            StartedPoint::Abreast(run) => {
+            StartedPoint::Batched(run) => {
                 self.active.push(Point { ticket, request, run });
                 None
             }

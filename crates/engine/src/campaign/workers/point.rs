@@ -148,7 +148,7 @@ pub enum StartedPoint {
     /// The point is already over.
     Finished(Result),
     /// The point runs beside others.
-    Abreast(Box<BatchedRun>),
+    Batched(Box<BatchedRun>),
 }
 
 impl PointRequest {
@@ -182,7 +182,7 @@ impl PointRequest {
             match alone {
                 true => run_to_end(scenario, options),
                 false => match BatchedRun::begin(scenario, options) {
-                    Ok(run) => return StartedPoint::Abreast(Box::new(run)),
+                    Ok(run) => return StartedPoint::Batched(Box::new(run)),
                     Err(failure) => Err(failure),
                 },
             }

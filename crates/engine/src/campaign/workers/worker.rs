@@ -146,7 +146,7 @@ impl Worker {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
-        crate::run::tie(&mut command);
+        crate::run::end_with_parent(&mut command);
         let mut child = command.spawn()?;
         let stdin = child.stdin.take();
         let output_tail = Arc::new(Mutex::new(String::new()));

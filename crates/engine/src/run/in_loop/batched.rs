@@ -26,7 +26,7 @@ impl BatchedRun {
         Ok(BatchedRun { run })
     }
 
-    /// Continues to the next such step, which [`Abreast::pending`] then returns; `false` at the end of the run.
+    /// Continues to the next such step, which [`BatchedStep::pending`] then returns; `false` at the end of the run.
     pub(crate) fn advance(&mut self) -> bool {
         match self.run.run_loop(None) {
             LoopExit::Parked => true,

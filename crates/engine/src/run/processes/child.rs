@@ -34,7 +34,7 @@ pub struct ParticipantProcess {
 /// process, and Ctrl-C in a terminal, which goes to the foreground group, reaches the orchestrator only.
 ///
 /// The kernel kills the child when the thread that starts it dies, so that must be the main thread.
-pub fn tie(command: &mut Command) {
+pub fn end_with_parent(command: &mut Command) {
     command.process_group(0);
     let parent = rustix::process::getpid();
     // SAFETY: between fork and exec only three system calls are made; neither allocates nor takes a lock.
@@ -113,7 +113,7 @@ impl ParticipantProcess {
             .stdin(Stdio::null())
             .stdout(output.try_clone()?)
             .stderr(output);
-        tie(&mut command);
+        end_with_parent(&mut command);
         let mut child = command.spawn()?;
         let pid = Pid::from_child(&child);
         match pidfd_open(pid, PidfdFlags::empty()) {

@@ -24,7 +24,7 @@ use super::run_services::{PlannedServices, RunServices};
 use crate::run::failed::{RESTARTS_MAX, Restarts};
 use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
-use crate::run::prepare::{self, Known, PreparedRun, StartPoint};
+use crate::run::prepare::{self, CheckedScenario, PreparedRun, StartPoint};
 use crate::run::recording::recorder::Recorder;
 use crate::run::timeout::ActiveTime;
 use crate::scenario::{Entry, ORCHESTRATOR, OnFailure, Scenario};
@@ -62,7 +62,7 @@ struct StartUp<'a> {
 pub(crate) fn set_up(
     scenario: &Scenario,
     options: &Options,
-    known: &Known,
+    known: &CheckedScenario,
     mut entries: Vec<Entry>,
     folder: &RunFolder,
     monitor: &Monitor,

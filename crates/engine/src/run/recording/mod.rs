@@ -2,10 +2,10 @@
 
 pub mod faults;
 pub(super) mod guard;
-pub(super) mod kept;
 pub(super) mod newest;
 pub(super) mod observed;
 pub(super) mod participant_events;
+pub(super) mod recorded_part;
 pub(super) mod recorder;
 pub(super) mod store;
 pub(super) mod streams;

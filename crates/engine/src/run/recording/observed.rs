@@ -4,14 +4,14 @@ use lockstep::plan::{Observed, Plan};
 use tape::StreamSpec;
 
 use super::guard::SampleGuard;
-use super::kept::Kept;
+use super::recorded_part::RecordedPart;
 use crate::assessment::Assessment;
 use crate::scenario::Scenario;
 
 /// The observers of a run's samples.
 pub(crate) struct Observers<'a> {
     /// What the tape, or its digest, keeps of each stream, if there is one.
-    pub(crate) kept: Option<&'a [Kept]>,
+    pub(crate) kept: Option<&'a [RecordedPart]>,
     pub(crate) assessment: Option<&'a dyn Assessment>,
     pub(crate) guards: &'a [SampleGuard],
     /// Whether every sample is observed: a program may ask for the newest of any stream, or the run may be resumed.

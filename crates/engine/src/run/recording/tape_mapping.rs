@@ -2,13 +2,13 @@
 
 use tape::{AppendError, StreamSpec};
 
-use super::kept::Kept;
+use super::recorded_part::RecordedPart;
 use super::store::Store;
 
 /// Which samples of each stream are kept, and where they go.
 pub(crate) struct TapeMapping {
     /// For each stream of the run: which samples are kept, and its number on the tape.
-    all: Vec<(Kept, usize)>,
+    all: Vec<(RecordedPart, usize)>,
     /// Whether all samples are kept.
     whole: bool,
     /// The name of each stream and the size of its payloads, where samples are left out.
@@ -17,7 +17,7 @@ pub(crate) struct TapeMapping {
 
 impl TapeMapping {
     /// The mapping for `streams`, of which `kept` is kept, and the streams of the tape.
-    pub(crate) fn new(kept: &[Kept], streams: &[StreamSpec]) -> (TapeMapping, Vec<StreamSpec>) {
+    pub(crate) fn new(kept: &[RecordedPart], streams: &[StreamSpec]) -> (TapeMapping, Vec<StreamSpec>) {
         let (mut all, mut specs) = (Vec::new(), Vec::new());
         for (kept, spec) in kept.iter().zip(streams) {
             match kept.spec(spec) {
@@ -25,7 +25,7 @@ impl TapeMapping {
                     all.push((*kept, specs.len()));
                     specs.push(spec);
                 }
-                None => all.push((Kept::NOTHING, 0)),
+                None => all.push((RecordedPart::NOTHING, 0)),
             }
         }
         let whole = all.iter().all(|(kept, _)| kept.is_whole());
@@ -70,7 +70,7 @@ impl TapeMapping {
     }
 
     /// Which samples of stream number `stream` the tape gets.
-    pub(crate) fn kept(&self, stream: usize) -> Kept {
+    pub(crate) fn kept(&self, stream: usize) -> RecordedPart {
         self.all[stream].0
     }
 
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn tape_mapping_preserves_instants_of_kept_samples() {
         let streams = [stream("x"), stream("y"), stream("z")];
-        let kept = [Kept::NOTHING, Kept::part(4, 2, 5), Kept::WHOLE];
+        let kept = [RecordedPart::NOTHING, RecordedPart::part(4, 2, 5), RecordedPart::WHOLE];
         let (mapping, specs) = TapeMapping::new(&kept, &streams);
         assert!(!mapping.is_whole());
         let names: Vec<String> = specs.iter().map(StreamSpec::name).collect();

@@ -12,7 +12,7 @@ use super::step::{Failure, Step};
 /// last bit. Which participants are stepped together is unspecified.
 ///
 /// ```
-/// use lockstep::participant::{Abreast, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepAbreast};
+/// use lockstep::participant::{BatchedStep, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepBatch};
 ///
 /// struct Decay {
 ///     x: f64,
@@ -26,15 +26,15 @@ use super::step::{Failure, Step};
 ///         self.x -= step.period * self.x;
 ///         Ok(())
 ///     }
-///     fn abreast(&mut self) -> Option<Member<'_>> {
+///     fn batch_member(&mut self) -> Option<Member<'_>> {
 ///         Some(Member::of(self))
 ///     }
 /// }
 ///
-/// impl StepAbreast for Decay {
+/// impl StepBatch for Decay {
 ///     type Common = ();
-///     fn step_abreast(those: &mut [Abreast<'_, Decay>], (): &mut ()) {
-///         for four in those.chunks_mut(4) {
+///     fn step_batch(steps: &mut [BatchedStep<'_, Decay>], (): &mut ()) {
+///         for four in steps.chunks_mut(4) {
 ///             // the same operations in the same order; a compiler makes one instruction of four
 ///             let mut x = [0.0; 4];
 ///             for (x, one) in x.iter_mut().zip(&*four) {
@@ -48,18 +48,18 @@ use super::step::{Failure, Step};
 /// }
 ///
 /// let mut decay = Decay { x: 1.0 };
-/// assert!(decay.abreast().is_some());
+/// assert!(decay.batch_member().is_some());
 /// ```
-pub trait StepAbreast: Sized + 'static {
+pub trait StepBatch: Sized + 'static {
     /// Working data kept from one call to the next to save work. No result may depend on it: any call may receive a new one.
     type Common: Default + 'static;
 
-    /// Steps each of `those`, one or more. They need not be at the same instant, nor have the same period or parameters.
-    fn step_abreast(those: &mut [Abreast<'_, Self>], common: &mut Self::Common);
+    /// Steps the participants of `steps`, one or more. They need not be at the same instant, nor have the same period or parameters.
+    fn step_batch(steps: &mut [BatchedStep<'_, Self>], common: &mut Self::Common);
 }
 
 /// A participant in a batch, with the arguments of [`Participant::step`](super::Participant::step).
-pub struct Abreast<'a, P> {
+pub struct BatchedStep<'a, P> {
     /// The participant.
     pub participant: &'a mut P,
     /// The activation.
@@ -71,7 +71,7 @@ pub struct Abreast<'a, P> {
     result: &'a mut Option<Result<(), Failure>>,
 }
 
-impl<P> Abreast<'_, P> {
+impl<P> BatchedStep<'_, P> {
     /// Reports that the step of this participant failed; the others continue.
     pub fn fail(&mut self, failure: Failure) {
         *self.result = Some(Err(failure));
@@ -86,7 +86,7 @@ pub struct Member<'a> {
 
 impl<'a> Member<'a> {
     /// `participant`, stepped with others of its type.
-    pub fn of<P: StepAbreast>(participant: &'a mut P) -> Member<'a> {
+    pub fn of<P: StepBatch>(participant: &'a mut P) -> Member<'a> {
         let kind = BatchType {
             kind: TypeId::of::<P>(),
             common: || Box::new(P::Common::default()),
@@ -113,12 +113,12 @@ pub struct PendingStep<'a> {
     pub(crate) result: &'a mut Option<Result<(), Failure>>,
 }
 
-fn step<P: StepAbreast>(pending: &mut [&mut PendingStep<'_>], common: &mut dyn Any) {
-    let mut those: Vec<Abreast<'_, P>> = pending
+fn step<P: StepBatch>(pending: &mut [&mut PendingStep<'_>], common: &mut dyn Any) {
+    let mut steps: Vec<BatchedStep<'_, P>> = pending
         .iter_mut()
         .filter_map(|one| {
             *one.result = Some(Ok(()));
-            Some(Abreast {
+            Some(BatchedStep {
                 participant: one.member.participant.downcast_mut()?,
                 step: one.step,
                 inputs: one.inputs,
@@ -128,7 +128,7 @@ fn step<P: StepAbreast>(pending: &mut [&mut PendingStep<'_>], common: &mut dyn A
         })
         .collect();
     let mut fresh = P::Common::default();
-    P::step_abreast(&mut those, common.downcast_mut().unwrap_or(&mut fresh));
+    P::step_batch(&mut steps, common.downcast_mut().unwrap_or(&mut fresh));
 }
 
 /// Executes steps of different runs together, type by type, and keeps the working data of each type.

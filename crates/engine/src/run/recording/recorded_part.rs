@@ -6,27 +6,27 @@ use tape::StreamSpec;
 
 /// Which samples of a stream are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Kept(Observed);
+pub struct RecordedPart(Observed);
 
-impl Kept {
+impl RecordedPart {
     /// Every sample.
-    pub const WHOLE: Kept = Kept(Observed::ALL);
+    pub const WHOLE: RecordedPart = RecordedPart(Observed::ALL);
     /// No sample: the stream is not on the tape.
-    pub const NOTHING: Kept = Kept(Observed::NONE);
+    pub const NOTHING: RecordedPart = RecordedPart(Observed::NONE);
 
     /// Of every `every`th sample, those from number `first` to before `end`.
-    pub const fn part(every: u64, first: u64, end: u64) -> Kept {
-        Kept(Observed { every, first, end })
+    pub const fn part(every: u64, first: u64, end: u64) -> RecordedPart {
+        RecordedPart(Observed { every, first, end })
     }
 
     /// Whether all samples are kept.
     pub fn is_whole(self) -> bool {
-        self == Kept::WHOLE
+        self == RecordedPart::WHOLE
     }
 
     /// Whether no sample is kept.
     pub fn is_nothing(self) -> bool {
-        self == Kept::NOTHING
+        self == RecordedPart::NOTHING
     }
 
     /// The samples that are kept.

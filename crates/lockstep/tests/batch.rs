@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use lockstep::executor::{InLoop, RunError, StopReason, connect_locally};
 use lockstep::link::{Hold, Timing};
 use lockstep::participant::{
-    Abreast, BatchStepper, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepAbreast,
+    BatchStepper, BatchedStep, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepBatch,
 };
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
 use lockstep::random::Stream;
@@ -52,19 +52,19 @@ impl<const WHICH: usize> Participant for Decay<WHICH> {
         *outputs.get_mut(0) = Value { x: self.x };
         Ok(())
     }
-    fn abreast(&mut self) -> Option<Member<'_>> {
+    fn batch_member(&mut self) -> Option<Member<'_>> {
         Some(Member::of(self))
     }
 }
 
-impl<const WHICH: usize> StepAbreast for Decay<WHICH> {
+impl<const WHICH: usize> StepBatch for Decay<WHICH> {
     /// The number of calls: it depends on the batches, so no result may depend on it.
     type Common = u64;
 
-    fn step_abreast(those: &mut [Abreast<'_, Self>], calls: &mut u64) {
+    fn step_batch(steps: &mut [BatchedStep<'_, Self>], calls: &mut u64) {
         *calls += 1;
-        let count = those.len();
-        for four in those.chunks_mut(4) {
+        let count = steps.len();
+        for four in steps.chunks_mut(4) {
             let (mut x, mut rate, mut period, mut input) = ([0.0; 4], [0.0; 4], [0.0; 4], [0.0; 4]);
             for (lane, one) in four.iter().enumerate() {
                 (x[lane], rate[lane]) = (one.participant.x, one.participant.rate);
