@@ -320,8 +320,9 @@ impl Run {
     }
 
     /// The log of a participant.
-    fn log(&mut self, participant: &str) -> PyResult<String> {
-        Ok(self.active()?.log(participant))
+    fn log(&mut self, py: Python<'_>, participant: &str) -> PyResult<String> {
+        let log = self.active()?.log(participant);
+        log.map_err(|failure| errors::run(py, &failure))
     }
 
     /// The values so far of the figures `names`; None for one that has no value yet.

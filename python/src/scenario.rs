@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 
 use engine::Catalogue;
-use engine::run::{self, Known, Options};
+use engine::run::{self, CheckedScenario, Options};
 use engine::scenario::{self, Changes, FaultSpec, Program};
 use lockstep::participant::{Factory, Interface, Kind};
 use lockstep::port::Descriptor;
@@ -187,7 +187,7 @@ impl Scenario {
     }
 }
 
-fn participants<'py>(py: Python<'py>, own: &Scenario, known: &Known) -> PyResult<Bound<'py, PyDict>> {
+fn participants<'py>(py: Python<'py>, own: &Scenario, known: &CheckedScenario) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     for (entry, interface) in own.scenario.participants.iter().zip(&known.interfaces) {
         let one = PyDict::new(py);

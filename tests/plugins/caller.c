@@ -41,6 +41,9 @@ int main(int argc, char **argv) {
     expect("unknown output", escapement_run_field(run, "mass.motto", "position", values, 1), run);
     expect("unknown field", escapement_run_field(run, "mass.motion", "place", values, 1), run);
     expect("wrong count", escapement_run_field(run, "mass.motion", "position", values, 2), run);
+    expect("no place", escapement_run_field(run, "mass.motion", "position", NULL, 1), run);
+    const char *log = escapement_run_log(run, "mess");
+    expect("unknown log", log ? ESCAPEMENT_RUN_OK : ESCAPEMENT_RUN_FAILED, run);
     expect("small sample", escapement_run_newest(run, "mass.motion", &sample), run);
     expect("unknown input", escapement_run_set(run, "mass.neighbor", &motion, sizeof motion), run);
     expect("wrong size", escapement_run_set(run, "mass.neighbour", &motion, 8), run);
@@ -63,6 +66,11 @@ int main(int argc, char **argv) {
     escapement_run_free(run);
     escapement_run_free(other);
     escapement_run_free(NULL);
+    const char *stiff[] = {"participants.mass.parameters.stiffness=1e300 N/m"};
+    options = (escapement_run_options){.size = sizeof options, .changes = stiff, .change_count = 1};
+    if (escapement_run_start(scenario, &options, &run) || !escapement_run_to(run, 1.0)) return 1;
+    expect("failed run", escapement_run_end(run, NULL), run);
+    escapement_run_free(run);
     printf("%d refused\n", refused);
     return 0;
 }

@@ -73,6 +73,9 @@ fn misuse_by_a_caller_is_refused_with_the_reason() {
         "there is `mass.motion`",
         "unknown field: ",
         "wrong count: `mass.motion.position` has 1 elements, and 2",
+        "no place: the place of the values is NULL",
+        "unknown log: ",
+        "there is no such participant; there is `mass`",
         "small sample: the sample says that it has 8 bytes",
         "unknown input: ",
         "it has `neighbour`",
@@ -92,11 +95,20 @@ fn misuse_by_a_caller_is_refused_with_the_reason() {
         "Record::Memory",
         "small outcome: the outcome says that it has 4 bytes",
         "after the end: there is no run any more",
-        "25 refused",
+        "failed run: participant `mass`: ",
+        "28 refused",
     ] {
         assert!(output.contains(expected), "no `{expected}` in:\n{output}");
     }
     assert!(!output.contains("TAKEN"), "{output}");
+}
+
+#[test]
+fn wrapper_in_cpp_returns_the_reason_of_a_struct_that_does_not_fit() {
+    let program = native_build().caller("tests/plugins/caller.cpp", "caller-cpp");
+    let output = run_checked(Command::new(program).arg(root().join("examples/c/drive.toml")));
+    let expected = "`mass.motion` has 16 bytes, and the struct has 8: declare its fields as the message does";
+    assert_eq!(output.lines().collect::<Vec<_>>(), [expected, "then none"]);
 }
 
 #[test]

@@ -112,7 +112,8 @@ escapement_run_status escapement_run_field(escapement_run *run, const char *port
 /* Sets the unconnected input "PARTICIPANT.INPUT" to a message: activations from the present time on see it until it is set again. */
 escapement_run_status escapement_run_set(escapement_run *run, const char *port, const void *bytes, uint64_t byte_count);
 
-/* Returns the log of a participant so far, at least the newest 64 KiB of it: lines with the simulated time. NULL if there is no run. */
+/* Returns the log of a participant so far, at least the newest 64 KiB of it: lines with the simulated time. NULL if there is no run, or no such
+ * participant. */
 const char *escapement_run_log(escapement_run *run, const char *participant);
 
 /* Reads a figure of merit or a measure of the run so far; fails if it has no value yet. */

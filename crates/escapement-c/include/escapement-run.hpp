@@ -10,6 +10,7 @@
 #ifndef ESCAPEMENT_RUN_HPP
 #define ESCAPEMENT_RUN_HPP
 
+#include <cstddef>
 #include <cstring>
 #include <memory>
 #include <string>
@@ -45,8 +46,24 @@ class Run {
     };
     std::unique_ptr<escapement_run, Free> own;
     bool started = false;
+    // A reason of the wrapper itself, until the next call.
+    mutable std::string own_error;
 
-    static bool done(escapement_run_status status) { return status == ESCAPEMENT_RUN_OK; }
+    bool copied(escapement_run_status status, const char *port, const escapement_run_sample &sample, void *message, size_t size) {
+        if (!done(status)) return false;
+        if (sample.byte_count == size) {
+            std::memcpy(message, sample.bytes, size);
+            return true;
+        }
+        own_error = std::string("`") + port + "` has " + std::to_string(sample.byte_count) + " bytes, and the struct has "
+                    + std::to_string(size) + ": declare its fields as the message does";
+        return false;
+    }
+
+    bool done(escapement_run_status status) const {
+        own_error.clear();
+        return status == ESCAPEMENT_RUN_OK;
+    }
 
   public:
     explicit Run(const std::string &scenario, const RunOptions &options = {}) {
@@ -66,7 +83,7 @@ class Run {
     // Whether the run could be started.
     explicit operator bool() const { return started; }
     // Why the last failed call failed; owned by the run.
-    const char *error() const { return escapement_run_error(own.get()); }
+    const char *error() const { return own_error.empty() ? escapement_run_error(own.get()) : own_error.c_str(); }
     double now() const { return escapement_run_now(own.get()); }
     bool is_over() const { return escapement_run_is_over(own.get()) != 0; }
     bool to(double time) { return done(escapement_run_to(own.get(), time)); }
@@ -83,9 +100,7 @@ class Run {
         static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
         escapement_run_sample sample{};
         sample.size = sizeof sample;
-        if (!done(escapement_run_shown(own.get(), port, &sample)) || sample.byte_count != sizeof message) return false;
-        std::memcpy(&message, sample.bytes, sizeof message);
-        return true;
+        return copied(escapement_run_shown(own.get(), port, &sample), port, sample, &message, sizeof message);
     }
 
     // Supplies "PARTICIPANT.OUTPUT" for that activation instead of a step of the participant.
@@ -99,8 +114,7 @@ class Run {
         static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
         escapement_run_sample sample{};
         sample.size = sizeof sample;
-        if (!done(escapement_run_newest(own.get(), port, &sample)) || sample.byte_count != sizeof message) return false;
-        std::memcpy(&message, sample.bytes, sizeof message);
+        if (!copied(escapement_run_newest(own.get(), port, &sample), port, sample, &message, sizeof message)) return false;
         if (stamp) *stamp = sample.stamp;
         return true;
     }
@@ -115,7 +129,7 @@ class Run {
         return done(escapement_run_set(own.get(), port, &message, sizeof message));
     }
 
-    // The log of a participant so far; empty if there is no run.
+    // The log of a participant so far; empty if there is no run, or no such participant.
     std::string log(const char *participant) {
         const char *lines = escapement_run_log(own.get(), participant);
         return lines ? lines : "";

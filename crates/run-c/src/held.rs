@@ -49,7 +49,7 @@ pub unsafe fn log(pointer: *mut Run, participant: *const c_char) -> *const c_cha
         // SAFETY: as the caller says.
         let participant = unsafe { text(participant, "the name of the participant") }?;
         let run = own.run.as_ref().ok_or("there is no run any more")?;
-        own.log = CString::new(run.log(participant).replace('\0', " ")).unwrap_or_default();
+        own.log = CString::new(run.log(participant).map_err(error_text)?.replace('\0', " ")).unwrap_or_default();
         Ok(())
     };
     // SAFETY: as the caller says.

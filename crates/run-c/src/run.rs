@@ -306,9 +306,12 @@ pub unsafe fn field(pointer: *mut Run, port: *const c_char, field: *const c_char
             .newest(port)
             .and_then(|sample| sample.field(field))
             .map_err(error_text)?;
-        if found.len() != count as usize || values.is_null() {
+        if values.is_null() {
+            return Err("the place of the values is NULL".to_owned());
+        }
+        if found.len() != count as usize {
             return Err(format!(
-                "`{port}.{field}` has {} elements, and {count} were asked for",
+                "`{port}.{field}` has {} elements, and {count} were requested",
                 found.len()
             ));
         }
@@ -432,16 +435,15 @@ pub unsafe fn end(pointer: *mut Run, place: *mut Outcome) -> i32 {
             .take()
             .ok_or("there is no run any more: it was ended, or could not be started")?;
         let outcome = run.end().map_err(error_text)?;
-        let Some(place) = place else {
-            return Ok(());
-        };
-        place.complete = u32::from(outcome.ending == Ending::Complete);
-        place.met = u32::from(outcome.exit_code() == 0);
-        place.simulated = outcome.simulated_s;
-        place.digest = [0; DIGEST];
-        let digest = outcome.digest.map(error_text).unwrap_or_default();
-        for (to, from) in place.digest.iter_mut().take(DIGEST - 1).zip(digest.bytes()) {
-            *to = from as c_char;
+        if let Some(place) = place {
+            place.complete = u32::from(outcome.ending == Ending::Complete);
+            place.met = u32::from(outcome.exit_code() == 0);
+            place.simulated = outcome.simulated_s;
+            place.digest = [0; DIGEST];
+            let digest = outcome.digest.map(error_text).unwrap_or_default();
+            for (to, from) in place.digest.iter_mut().take(DIGEST - 1).zip(digest.bytes()) {
+                *to = from as c_char;
+            }
         }
         match outcome.ending {
             Ending::Failed { participant, reason } => Err(format!("participant `{participant}`: {reason}")),

@@ -189,15 +189,17 @@ impl Run {
 
     /// The log of `participant` so far: in one process at least the newest 64 KiB, in processes everything that the participant has
     /// written.
-    pub fn log(&self, participant: &str) -> String {
+    ///
+    /// # Errors
+    /// When there is no such participant.
+    pub fn log(&self, participant: &str) -> Result<String, RunFailure> {
+        self.participant_number(participant)?;
         let from_file = || {
             let file = self.run_state.folder.as_ref()?.stderr(participant);
             Some(String::from_utf8_lossy(&std::fs::read(file).ok()?).into_owned())
         };
-        self.executor
-            .newest_log(participant)
-            .or_else(from_file)
-            .unwrap_or_default()
+        let log = self.executor.newest_log(participant).or_else(from_file);
+        Ok(log.unwrap_or_default())
     }
 
     /// The figures so far, if the scenario has an assessment or measures: those of a run that ended now.

@@ -8,6 +8,9 @@ use super::enumeration::{self, EnumValue};
 use super::{Element, InvalidValue};
 use crate::name::{escape_controls, is_control_or_direction_mark};
 
+/// What separates the parts of a descriptor's canonical text: two descriptors must never have the same text.
+const SEPARATOR: char = '|';
+
 /// One named field of a payload.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -75,23 +78,24 @@ impl Field {
         }
     }
 
-    /// Refuses a name, unit or frame with a control character: they appear in messages, file names and pages.
-    fn reject_control_characters(&self, message: &str) -> Result<(), DescriptorError> {
-        let texts = [("name", &self.name), ("unit", &self.unit), ("frame", &self.frame)];
-        match texts
-            .into_iter()
-            .find(|(_, text)| text.contains(is_control_or_direction_mark))
-        {
-            None => Ok(()),
-            Some((what, text)) => Err(DescriptorError::Text {
-                message: message.to_owned(),
-                text: format!(
-                    "field `{}`: its {what} `{}`",
-                    escape_controls(&self.name),
-                    escape_controls(text)
-                ),
-            }),
+    /// Refuses a name, unit or frame with a control character, since they appear in messages, file names and pages, and with the separator
+    /// of a descriptor's canonical text.
+    fn check_texts(&self, message: &str) -> Result<(), DescriptorError> {
+        for (what, text) in [("name", &self.name), ("unit", &self.unit), ("frame", &self.frame)] {
+            let controls = text.contains(is_control_or_direction_mark);
+            if !controls && !text.contains(SEPARATOR) {
+                continue;
+            }
+            let message = message.to_owned();
+            let name = escape_controls(&self.name);
+            let text = format!("field `{name}`: its {what} `{}`", escape_controls(text));
+            return Err(if controls {
+                DescriptorError::Text { message, text }
+            } else {
+                DescriptorError::Separator { message, text }
+            });
         }
+        Ok(())
     }
 
     /// What is wrong with element `index` of `payload`, if anything is: a number that is not finite, a truth value that is neither 0 nor 1,
@@ -187,6 +191,16 @@ pub enum DescriptorError {
         /// The message, with the code point of the character.
         message: String,
     },
+    /// A name, unit or frame with the separator of a descriptor's canonical text.
+    #[error(
+        "message `{message}`, {text} has `|` in it, which separates the parts of a descriptor: choose another name, or ports without it"
+    )]
+    Separator {
+        /// The message.
+        message: String,
+        /// The text.
+        text: String,
+    },
     /// The name, unit or frame of a field would steer what shows it.
     #[error("message `{message}`, {text} has a control character in it: leave the character out")]
     Text {
@@ -220,6 +234,10 @@ impl Descriptor {
             let message = escape_controls(&self.name);
             return Err(DescriptorError::Name { message });
         }
+        if self.name.contains(SEPARATOR) {
+            let (message, text) = (self.name.clone(), format!("its name `{}`", self.name));
+            return Err(DescriptorError::Separator { message, text });
+        }
         if self.size == 0 || self.size > Self::MAX_SIZE {
             return Err(DescriptorError::Size {
                 message: self.name.clone(),
@@ -235,7 +253,7 @@ impl Descriptor {
                     reason,
                 })
             };
-            field.reject_control_characters(&self.name)?;
+            field.check_texts(&self.name)?;
             if field.name.is_empty() {
                 return refuse("a field needs a name");
             }

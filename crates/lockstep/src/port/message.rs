@@ -349,6 +349,12 @@ mod tests {
             error.contains(r"its frame `\u{1b}[2J` has a control character"),
             "{error}"
         );
+        for error in [
+            spoil(|d| d.fields[1].unit = "N|m".into()),
+            spoil(|d| d.name = "N|m".into()),
+        ] {
+            assert!(error.contains("`N|m` has `|` in it"), "{error}");
+        }
         let error = spoil(|d| d.name = "A\u{202e}".into());
         assert!(error.contains(r"message `A\u{202e}`"), "{error}");
     }

@@ -169,7 +169,7 @@ impl Run {
         }
     }
 
-    fn participant_number(&self, participant: &str) -> Result<usize, RunFailure> {
+    pub(in crate::run) fn participant_number(&self, participant: &str) -> Result<usize, RunFailure> {
         self.run_state.plan.participant(participant).ok_or_else(|| {
             let known: Vec<String> = (self.run_state.plan.participants.iter())
                 .map(|planned| format!("`{}`", planned.name))
