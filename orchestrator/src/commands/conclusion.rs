@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use engine::assessment::Criterion;
 use engine::campaign::{
-    self, Campaign, CampaignError, Finished, Number, Outcome, Picture, PointResult, RareEventResult, Shard,
+    self, Campaign, CampaignError, Finished, Number, Outcome, Picture, PointResult, RareEventResult, Shard, Until,
 };
 
 use super::points::CampaignArgs;
@@ -47,12 +47,57 @@ pub fn conclude(
     let page = campaign::analysis(title, campaign, &finished.results);
     let page = report::campaign::page(title, &page);
     files.push(finished.folder.write("report.html", page)?);
+    let precision = identity.until.as_ref().map(|until| Precision::of(until, figures, finished));
     if args.json {
-        println!("{}", json(campaign, finished, &files));
+        let mut all = json(campaign, finished, &files);
+        if let Some(precision) = &precision {
+            all["until"] = precision.json();
+        }
+        println!("{all}");
     } else if !args.quiet {
         print(&identity.title, campaign, finished, shown.as_ref(), &files);
     }
+    if let Some(precision) = precision.filter(|precision| !precision.reached && !finished.interrupted) {
+        eprintln!("warning: {}", precision.words());
+    }
     Ok(exit_code(finished))
+}
+
+/// What a campaign with a stopping rule knows at its end.
+struct Precision {
+    rule: String,
+    reached: bool,
+    /// The half width of the interval, percent as in the rule.
+    percent: Option<f64>,
+    points: usize,
+}
+
+impl Precision {
+    fn of(until: &Until, figures: &[Number], finished: &Finished) -> Precision {
+        let watch = until.watch(figures, true);
+        let (percent, reached) = watch.map_or((None, false), |watch| watch.reached(&finished.results));
+        Precision {
+            rule: until.to_string(),
+            reached,
+            percent,
+            points: finished.results.len(),
+        }
+    }
+
+    fn words(&self) -> String {
+        let Precision { rule, points, .. } = self;
+        match self.percent {
+            Some(percent) => {
+                let percent = engine::three_digits(percent);
+                format!("`{rule}` was not reached: {points} points give {percent} %; add points with --points")
+            }
+            None => format!("`{rule}` was not reached with {points} points: the interval is not known"),
+        }
+    }
+
+    fn json(&self) -> serde_json::Value {
+        serde_json::json!({ "rule": self.rule, "reached": self.reached, "within_percent": self.percent })
+    }
 }
 
 /// The figures of merit of the points.
@@ -218,7 +263,7 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
         );
     }
     println!("{}", campaign::verdicts(&finished.results));
-    if campaign.columns.iter().any(|column| column.name == "seed") {
+    if campaign.is_sample() {
         println!("  {}", met_share_text(&finished.results));
     }
     if let Some(figure) = figure {

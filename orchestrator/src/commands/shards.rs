@@ -142,7 +142,10 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
     let options = args.sharding.options(args.campaign.options())?;
     // The rule is for the whole campaign: a shard does not know when all shards together have enough points.
     let until = identity.until.as_ref().filter(|_| args.sharding.shard.is_none());
-    let watch = |until: &Until| until.watch(&known_figures(&campaign, TRIES_MAX)?.ordered());
+    let watch = |until: &Until| {
+        let known = known_figures(&campaign, TRIES_MAX)?;
+        until.watch(&known.ordered(), !known.criteria.is_empty())
+    };
     let options = Options {
         until: until.map(watch).transpose()?,
         shard: options.shard.or(identity.shard),

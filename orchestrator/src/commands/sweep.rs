@@ -95,7 +95,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
             None => args.vary.is_empty(),
         },
         figure: figure.clone(),
-        until: args.until.as_ref().map(|until| until.watch(&figures)).transpose()?,
+        until: args.until.as_ref().map(|until| until.watch(&figures, !known.criteria.is_empty())).transpose()?,
         ..args.sharding.options(args.campaign.options())?
     };
     if let Some(file) = &file

@@ -201,6 +201,12 @@ impl Declared {
         self.grows
     }
 
+    /// Whether the points are a sample: each is one draw of everything that varies.
+    pub fn is_sample(&self) -> bool {
+        let drawn = |method: &SamplingMethod| matches!(method, SamplingMethod::PerPoint(all) if !all.is_empty());
+        self.blocks == 1 && (self.first_seed.is_some() || self.methods.iter().any(drawn))
+    }
+
     /// The design of which the first points are no sample of their own, if there is one: it needs all of its points.
     pub fn needs_all(&self) -> Option<Design> {
         let on_grid = self

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
-use super::plan::Plan;
+use super::plan::{Plan, is_seed_alone};
 use super::source::Source;
 use crate::scenario::{Changes, ScenarioError, ScenarioSpec};
 
@@ -69,6 +69,14 @@ impl Campaign {
             refused,
             source: None,
             digests: false,
+        }
+    }
+
+    /// Whether the points are a sample: each is one draw of everything that varies, so that confidence intervals hold.
+    pub fn is_sample(&self) -> bool {
+        match &self.source {
+            Some(source) => source.sample,
+            None => self.kind == Kind::Sweep && is_seed_alone(&self.columns),
         }
     }
 

@@ -122,6 +122,7 @@ impl CampaignFile {
             digest: Digest::of(declaration.to_string().as_bytes()),
             title: self.title().to_owned(),
             factors: plan.factors(),
+            sample: plan.is_sample(),
             grows: plan.grows(),
             rare: self.is_rare(),
         };

@@ -3,6 +3,7 @@
 
 use super::Column;
 use super::cell::{Cell, Head, Point};
+use super::column::SEED;
 use super::declared::Declared;
 
 /// The points of a campaign.
@@ -31,6 +32,14 @@ impl Plan {
     /// Whether adding points leaves the existing ones unchanged. A list is always complete.
     pub fn grows(&self) -> bool {
         matches!(self, Plan::Declared(declared) if declared.grows())
+    }
+
+    /// Whether the points are a sample: each is one draw of everything that varies. On a grid the same draws are used again in each cell.
+    pub fn is_sample(&self) -> bool {
+        match self {
+            Plan::Listed { columns, .. } => is_seed_alone(columns),
+            Plan::Declared(declared) => declared.is_sample(),
+        }
     }
 
     /// The dispersions whose Sobol' indices can be estimated, in the order of their matrices.
@@ -77,6 +86,11 @@ impl Plan {
         }
         columns_of(&self.heads(), (0..self.count()).map(|k| self.point(k)))
     }
+}
+
+/// Whether the seed alone makes the points.
+pub fn is_seed_alone(columns: &[Column]) -> bool {
+    matches!(columns, [column] if column.name == SEED)
 }
 
 /// Columns with the cells of `points`, and the changes of each point.

@@ -19,6 +19,9 @@ pub struct Source {
     /// The dispersions whose Sobol' indices can be estimated, in the order of their matrices.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub factors: Option<Vec<String>>,
+    /// Whether the points are a sample: one draw each, so that confidence intervals hold.
+    #[serde(default)]
+    pub sample: bool,
     /// Whether adding points leaves the existing ones unchanged.
     pub grows: bool,
     /// Whether later points depend on the results of earlier ones, so that only the file and the folder together determine

@@ -56,7 +56,7 @@ impl FromStr for Until {
     fn from_str(text: &str) -> Result<Until, String> {
         let wrong = || {
             format!(
-                "`{text}` says no width: write `met within 1 %`, or `FIGURE within 2 %` for the mean of a figure of merit"
+                "`{text}` has no width between 0 and 100 %: write `met within 1 %`, or `FIGURE within 2 %` for the mean of a figure of merit"
             )
         };
         let (figure_name, width) = text.rsplit_once(" within ").ok_or_else(wrong)?;
@@ -73,13 +73,19 @@ impl FromStr for Until {
 }
 
 impl Until {
-    /// Creates the watch for a campaign with the figures of merit `known`.
+    /// Creates the watch for a campaign with the figures of merit `known`; `has_criteria` states whether points are met or not met.
     ///
     /// # Errors
-    /// When the figure does not exist.
-    pub fn watch(&self, known: &[Number]) -> Result<Watch, CampaignError> {
+    /// When the figure does not exist, or nothing decides whether a point is met.
+    pub fn watch(&self, known: &[Number], has_criteria: bool) -> Result<Watch, CampaignError> {
         let figure = match &self.figure_name {
             Some(name) => Some(figure_of(name, known)?),
+            None if !has_criteria => {
+                let reason = format!(
+                    "`{self}`: the scenario has no criterion, so no point is met or not met: name a figure of merit, or give a measure a limit"
+                );
+                return Err(CampaignError::Until(reason));
+            }
             None => None,
         };
         Ok(Watch {
@@ -88,6 +94,7 @@ impl Until {
             width: self.percent / 100.0,
             evaluated: 0,
             enough: false,
+            reached: None,
             ran: 0,
             good: 0,
             mean: 0.0,
@@ -106,6 +113,8 @@ pub struct Watch {
     /// The number of points evaluated, counted from the first.
     evaluated: usize,
     enough: bool,
+    /// The half width of the interval so far; for a mean in parts of it.
+    reached: Option<f64>,
     /// The points that ran (and have the figure), and how many of them are good.
     ran: usize,
     good: usize,
@@ -132,6 +141,13 @@ impl Watch {
         self.enough.then_some(self.evaluated)
     }
 
+    /// The half width of the interval after all `results`, percent as in the rule, and whether it is narrow enough.
+    pub fn reached(mut self, results: &[Option<PointResult>]) -> (Option<f64>, bool) {
+        self.evaluate(results);
+        let percent = self.reached.filter(|width| width.is_finite());
+        (percent.map(|width| 100.0 * width), self.enough)
+    }
+
     fn add(&mut self, result: &PointResult) {
         if !result.outcome.ran() {
             return;
@@ -140,7 +156,9 @@ impl Watch {
             self.ran += 1;
             self.good += usize::from(result.outcome.good());
             let (low, high) = wilson(self.good, self.ran);
-            self.enough = (high - low) / 2.0 <= self.width;
+            let half = (high - low) / 2.0;
+            self.reached = Some(half);
+            self.enough = half <= self.width;
             return;
         };
         let Some(value) = result.figures.as_ref().and_then(|figures| figures.value(key)) else {
@@ -151,6 +169,7 @@ impl Watch {
         self.mean += before / n;
         self.squares += before * (value - self.mean);
         let half = NORMAL_95 * (self.squares / (n - 1.0).max(1.0) / n).sqrt();
+        self.reached = (self.ran > 1).then(|| half / self.mean.abs());
         self.enough = self.ran >= MEAN_POINTS_MIN && half <= self.width * self.mean.abs();
     }
 }
@@ -182,7 +201,7 @@ mod tests {
             .unwrap()
             .numbers()
             .collect();
-        until.parse::<Until>().unwrap().watch(&known).unwrap().evaluate(results)
+        until.parse::<Until>().unwrap().watch(&known, true).unwrap().evaluate(results)
     }
 
     #[test]
@@ -191,6 +210,10 @@ mod tests {
         // The interval of one half has the half width z / (2 sqrt(n + z²)): 0.05 at n = 381, 0.02 at n = 2398.
         assert_eq!(end("met within 5 %", &results), Some(381));
         assert_eq!(end("met within 2 %", &results), None);
+        let until: Until = "met within 2 %".parse().unwrap();
+        let (percent, enough) = until.watch(&[], true).unwrap().reached(&results);
+        // z / (2 sqrt(2000 + z²))
+        assert!(!enough && (percent.unwrap() - 2.189).abs() < 1e-3, "{percent:?}");
     }
 
     #[test]
@@ -208,7 +231,7 @@ mod tests {
     fn stopping_rule_depends_only_on_order_of_points() {
         let all: Vec<_> = (0..600).map(|at| Some(of(at % 2 == 0, 0.0))).collect();
         let known: Vec<Number> = all[0].as_ref().unwrap().figures.as_ref().unwrap().numbers().collect();
-        let mut watch = "met within 5 %".parse::<Until>().unwrap().watch(&known).unwrap();
+        let mut watch = "met within 5 %".parse::<Until>().unwrap().watch(&known, true).unwrap();
         let mut some = vec![None; 600];
         // The last first: the points before them are not known yet.
         for at in (100..600).rev() {
@@ -243,6 +266,8 @@ mod tests {
             assert!(error.contains("`met within 1 %`"), "{error}");
         }
         let until: Until = "beauty within 1 %".parse().unwrap();
-        assert!(until.watch(&[]).unwrap_err().to_string().contains("`beauty`"));
+        assert!(until.watch(&[], true).unwrap_err().to_string().contains("`beauty`"));
+        let until: Until = "met within 1 %".parse().unwrap();
+        assert!(until.watch(&[], false).unwrap_err().to_string().contains("no criterion"));
     }
 }

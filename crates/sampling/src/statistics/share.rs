@@ -13,7 +13,10 @@ pub fn wilson(good: usize, all: usize) -> (f64, f64) {
     let middle = share + z * z / (2.0 * n);
     let half = z * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
     let scale = 1.0 + z * z / n;
-    (((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0))
+    // Without or with nothing but good samples an end is exact, and rounding must not show.
+    let low = if good == 0 { 0.0 } else { (middle - half) / scale };
+    let high = if good == all { 1.0 } else { (middle + half) / scale };
+    (low.max(0.0), high.min(1.0))
 }
 
 #[cfg(test)]
@@ -29,5 +32,6 @@ mod tests {
             "{low} {high}"
         );
         assert_eq!(wilson(0, 0), (0.0, 1.0));
+        assert_eq!((wilson(0, 4000).0, wilson(4000, 4000).1), (0.0, 1.0));
     }
 }

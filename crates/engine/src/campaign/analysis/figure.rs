@@ -125,13 +125,13 @@ impl FigureSample {
         moments(&self.present_values()).map(|(mean, deviation)| [mean, deviation])
     }
 
-    /// A row for each percentile: the fraction, the percentile, and the ends of its interval.
-    pub(super) fn percentiles(&self) -> Value {
+    /// A row for each percentile: the fraction, the percentile, and with `intervals` the ends of its interval.
+    pub(super) fn percentiles(&self, intervals: bool) -> Value {
         let mut sorted = self.present_values();
         sorted.sort_by(f64::total_cmp);
         let rows = PERCENTILE_FRACTIONS.iter().filter_map(|part| {
             let own = percentile(&sorted, *part, CONFIDENCE)?;
-            Some(json!([part, own.value, own.low, own.high]))
+            Some(json!([part, own.value, own.low.filter(|_| intervals), own.high.filter(|_| intervals)]))
         });
         rows.collect()
     }
@@ -152,8 +152,8 @@ impl FigureSample {
     }
 
     /// Estimates over a growing number of points: the number; the share of a truth value, else median and 95 %; each with
-    /// its interval.
-    pub(super) fn convergence(&self) -> Value {
+    /// its interval, if `intervals`.
+    pub(super) fn convergence(&self, intervals: bool) -> Value {
         let all = self.present_values();
         let mut sizes = Vec::new();
         let mut size = 10_usize;
@@ -167,7 +167,7 @@ impl FigureSample {
             let mut part = all[..size].to_vec();
             if self.truth {
                 let good = part.iter().filter(|one| **one > 0.5).count();
-                let (low, high) = wilson(good, size);
+                let (low, high) = intervals.then(|| wilson(good, size)).unzip();
                 rows.push(json!([size, good as f64 / size as f64, low, high]));
                 continue;
             }
@@ -177,11 +177,11 @@ impl FigureSample {
                 rows.push(json!([
                     size,
                     median.value,
-                    median.low,
-                    median.high,
+                    median.low.filter(|_| intervals),
+                    median.high.filter(|_| intervals),
                     most.value,
-                    most.low,
-                    most.high
+                    most.low.filter(|_| intervals),
+                    most.high.filter(|_| intervals)
                 ]));
             }
         }

@@ -31,17 +31,19 @@ pub fn analysis(title: &str, campaign: &Campaign, results: &[Option<PointResult>
     let width = factors.map_or(0, |factors| factors.len() + 2);
     let every = results.len().div_ceil(SHOWN_MAX).max(1);
     let shown: Vec<usize> = (0..results.len()).step_by(every).collect();
-    let measures = samples.iter().map(|sample| sample.json(&ranked, width, &shown));
+    let sample = campaign.is_sample();
+    let measures = samples.iter().map(|figure| figure.json(&ranked, width, &shown, sample));
     let ran = results.iter().flatten().filter(|result| result.outcome.ran()).count();
     let good = results.iter().flatten().filter(|result| result.outcome.good()).count();
-    let (low, high) = wilson(good, ran);
+    // On a grid the same draws are used in each cell: the points are not independent, and no interval of a sample holds.
+    let interval = sample.then(|| wilson(good, ran));
     json!({
         "title": title,
         "words": verdicts(results),
         "good": good_word(results),
         "points": results.len(),
         "shown": shown.iter().map(|at| at + 1).collect::<Vec<_>>(),
-        "share": { "good": good, "ran": ran, "low": low, "high": high },
+        "share": { "good": good, "ran": ran, "interval": interval },
         "outcomes": shown.iter().map(|at| word(results[*at].as_ref())).collect::<Vec<_>>(),
         "columns": campaign.columns.iter().map(|column| [column.name.as_str(), column.unit.as_str()]).collect::<Vec<_>>(),
         "inputs": inputs.iter().map(|column| input_data(column, &shown)).collect::<Vec<_>>(),
@@ -127,13 +129,19 @@ fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
 }
 
 impl FigureSample {
-    fn json(&self, inputs: &[Option<figure::RankedColumn<'_>>], width: usize, shown: &[usize]) -> Value {
+    fn json(
+        &self,
+        inputs: &[Option<figure::RankedColumn<'_>>],
+        width: usize,
+        shown: &[usize],
+        intervals: bool,
+    ) -> Value {
         let mut all = self.plot_data(shown.iter().copied());
         all["count"] = json!(self.present_values().len());
         all["moments"] = json!(self.moments());
-        all["percentiles"] = self.percentiles();
+        all["percentiles"] = self.percentiles(intervals);
         all["correlations"] = json!(self.correlations(inputs));
-        all["convergence"] = self.convergence();
+        all["convergence"] = self.convergence(intervals);
         all["indices"] = json!(self.indices(width));
         all
     }

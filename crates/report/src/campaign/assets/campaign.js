@@ -130,13 +130,15 @@ function section(id, title, ...parts) {
   return made;
 }
 
+const NO_SAMPLE = "No interval: the points are no random sample of one draw each.";
+
 function top() {
-  const { good, ran, low, high } = DATA.share;
+  const { good, ran, interval } = DATA.share;
   at("runs").append(DATA.words);
   const rate = el("div", { class: "card" }, el("h3", {}, `Share that is ${DATA.good}`), el("div", { class: "big" }, ran ? percent(good / ran) : "—"),
-    el("p", { class: "note" }, ran ? `${good} of ${ran} that ran: ${percent(low)} to ${percent(high)} with 95 % confidence (Wilson).` : "No point ran to its end."));
+    el("p", { class: "note" }, ran ? `${good} of ${ran} that ran` + (interval ? `: ${percent(interval[0])} to ${percent(interval[1])} with 95 % confidence (Wilson).` : `. ${NO_SAMPLE}`) : "No point ran to its end."));
   const truth = measures.find((one) => one.truth);
-  if (truth) rate.append(convergence(truth), el("p", { class: "note" }, "Of all points: the share after more and more of them, with its interval."));
+  if (truth) rate.append(convergence(truth), el("p", { class: "note" }, interval ? "Of all points: the share after more and more of them, with its interval." : "Of all points: the share after more and more of them."));
   const groups = DATA.failures.map((one) => row(one.outcome, String(one.count), el("td", { class: "reason" }, one.reason || "—"), el("td", { class: "reason" }, one.points.join(", ") + (one.count > one.points.length ? ", …" : ""))));
   const failures = el("div", { class: "card" }, el("h3", {}, "What went wrong, by its reason"), groups.length ? table(["outcome", "points", "reason", "which"], groups) : el("p", { class: "note" }, "Nothing."));
   section("success", "Success", el("div", { class: "two" }, rate, failures));
@@ -226,8 +228,8 @@ function choose(m, move) {
   place.replaceChildren(
     el("div", { class: "two" },
       el("div", { class: "card" }, el("h3", {}, "Histogram and cumulative curve"), histogram(one, { limits: one.limits }), el("p", { class: "note" }, one.moments ? `${one.count} points, mean ${show(one.moments[0])}${behind(one.unit)}, standard deviation ${show(one.moments[1])}${behind(one.unit)}.` : `${one.count} points.`)),
-      one.truth ? null : el("div", { class: "card" }, el("h3", {}, `Percentiles${one.unit ? ", " + one.unit : ""}`), table(["percentile", "value", "from", "to"], percentiles), el("p", { class: "note" }, "From and to: an interval of order statistics with 95 % confidence or more, whatever the distribution. A dash: too few points.")),
-      el("div", { class: "card" }, el("h3", {}, one.truth ? "Share over the number of points" : "Median and 95 % over the number of points"), convergence(one), el("p", { class: "note" }, "Dashed: the intervals with 95 % confidence.")),
+      one.truth ? null : el("div", { class: "card" }, el("h3", {}, `Percentiles${one.unit ? ", " + one.unit : ""}`), table(["percentile", "value", "from", "to"], percentiles), el("p", { class: "note" }, DATA.share.interval ? "From and to: an interval of order statistics with 95 % confidence or more, whatever the distribution. A dash: too few points." : NO_SAMPLE)),
+      el("div", { class: "card" }, el("h3", {}, one.truth ? "Share over the number of points" : "Median and 95 % over the number of points"), convergence(one), el("p", { class: "note" }, DATA.share.interval ? "Dashed: the intervals with 95 % confidence." : NO_SAMPLE)),
       one.indices ? indices(one) : null),
     inputs.length ? el("h3", {}, `${one.name} over everything that varies`) : null,
     el("div", { class: "plots small" }, ...inputs.map((input, i) => el("div", { class: "card" }, el("h3", {}, input.name, " ", el("small", {}, one.correlations[i] == null ? "" : `ρ ${one.correlations[i].toFixed(2).replace("-", "−")}`)), scatter(input, one)))),
