@@ -66,8 +66,8 @@ int main(int argc, char **argv) {
     escapement_run_free(run);
     escapement_run_free(other);
     escapement_run_free(NULL);
-    const char *stiff[] = {"participants.mass.parameters.stiffness=1e300 N/m"};
-    options = (escapement_run_options){.size = sizeof options, .changes = stiff, .change_count = 1};
+    const char *far[] = {"participants.mass.parameters.position=1e308 m"};
+    options = (escapement_run_options){.size = sizeof options, .changes = far, .change_count = 1};
     if (escapement_run_start(scenario, &options, &run) || !escapement_run_to(run, 1.0)) return 1;
     expect("failed run", escapement_run_end(run, NULL), run);
     escapement_run_free(run);

@@ -91,12 +91,13 @@ fn audit_without_another_shard_is_refused() {
 #[test]
 fn design_that_needs_all_points_refuses_early_stop() {
     let folder = Folder::new("early-end");
-    let scenario = fixture::write_two_masses(&folder);
+    fixture::write_springs(&folder);
+    let scenario = folder.path().join("springs.toml");
     let out = folder.path().join("out");
     let until = ["--until", "met within 20 %", "--quiet", "--out", text(&out)];
     let drawn = |head: &str, more: &str| {
         let campaign = format!(
-            "scenario = \"m.toml\"\npoints = 8\n{head}\n[vary.k]\nkey = \"participants.left.parameters.stiffness\"\n\
+            "scenario = \"springs.toml\"\npoints = 8\n{head}\n[vary.k]\nkey = \"participants.left.parameters.stiffness\"\n\
              distribution = \"uniform\"\nfrom = \"30 N/m\"\nto = \"50 N/m\"\n{more}\n"
         );
         let campaign = folder.write("campaign.toml", &campaign);
@@ -122,4 +123,88 @@ fn design_that_needs_all_points_refuses_early_stop() {
     );
     assert!(!out.exists(), "nothing is written");
     assert_eq!(drawn("design = \"sobol\"", "").code, Some(0));
+}
+
+#[test]
+fn stopping_rule_that_is_not_reached_is_reported() {
+    let folder = Folder::new("not-reached");
+    fixture::write_springs(&folder);
+    let scenario = folder.path().join("springs.toml");
+    let out = folder.path().join("out");
+    let sweep = |rule: &str, more: &[&str]| {
+        let all = [
+            "sweep",
+            text(&scenario),
+            "--seeds",
+            "4",
+            "--until",
+            rule,
+            "--out",
+            text(&out),
+        ];
+        run_orchestrator(&[&all[..], more].concat())
+    };
+    let output = sweep("met within 1 %", &["--json"]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert!(
+        output.err.contains("`met within 1 %` was not reached: 4 points give "),
+        "{output:?}"
+    );
+    let json = output.json();
+    assert_eq!(json["until"]["reached"], false);
+    assert!(json["until"]["within_percent"].as_f64().unwrap() > 1.0, "{json}");
+    // Without a limit nothing is met or not met.
+    let text_of = std::fs::read_to_string(&scenario).unwrap();
+    folder.write("springs.toml", &text_of.replace("at-most = \"0.9 mm\"\n", ""));
+    let output = sweep("met within 20 %", &[]);
+    assert_refused(&output, &["--until: ", "no criterion", "give a measure a limit"], &[]);
+}
+
+#[test]
+fn dispersion_with_the_name_of_a_figure_is_refused() {
+    let folder = Folder::new("figure-name");
+    fixture::write_springs(&folder);
+    let drawn = |name: &str| {
+        let campaign = format!(
+            "scenario = \"springs.toml\"\npoints = 3\n\n[vary.{name}]\nkey = \"faults.push.value\"\n\
+             distribution = \"uniform\"\nfrom = \"1 mm\"\nto = \"2 mm\"\n"
+        );
+        let campaign = folder.write("campaign.toml", &campaign);
+        run_orchestrator(&[
+            "sweep",
+            text(&campaign),
+            "--quiet",
+            "--out",
+            text(&folder.path().join(name)),
+        ])
+    };
+    let place = "campaign.toml:4: vary.swing: the name `swing` is not possible";
+    assert_refused(&drawn("swing"), &[place, "choose another"], &[]);
+    assert_eq!(drawn("push").code, Some(0));
+}
+
+#[test]
+fn changes_that_have_no_effect_cause_warnings() {
+    let folder = Folder::new("no-effect");
+    fixture::write_springs(&folder);
+    let scenario = folder.path().join("springs.toml");
+    let list = "[[case]]\nname = \"late\"\nset = { \"faults.push.at\" = \"300 ms\" }\n[[case]]\nname = \"early\"\n";
+    let list = folder.write("cases.toml", list);
+    let out = folder.path().join("cases");
+    let output = run_orchestrator(&["faults", text(&scenario), "--cases", text(&list), "--out", text(&out)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let warning = "warning: point 1 (late, 300 ms): ";
+    assert!(
+        output.err.contains(warning) && output.err.contains("faults.push.at"),
+        "{output:?}"
+    );
+    assert_eq!(output.err.matches("warning").count(), 1, "{output:?}");
+    // The command line gives what varies, and the scenario too.
+    let own = "\n[campaign]\npoints = 3\n\n[campaign.vary.v]\nkey = \"faults.push.value\"\n\
+               distribution = \"uniform\"\nfrom = \"1 mm\"\nto = \"2 mm\"\n";
+    let both = std::fs::read_to_string(&scenario).unwrap() + own;
+    let both = folder.write("both.toml", &both);
+    let out = folder.path().join("both");
+    let output = run_orchestrator(&["sweep", text(&both), "--seeds", "2", "--out", text(&out)]);
+    assert!(output.err.contains("both.toml: [campaign] is not used"), "{output:?}");
 }

@@ -283,3 +283,23 @@ fn grids_mix_with_draws_and_matrices_exchange_one_dispersion() {
         assert!(a[at] != a[at + 1] && b[at] != b[at + 1]);
     }
 }
+
+#[test]
+fn points_of_grids_and_matrices_are_no_sample() {
+    let files = Files::new("sample");
+    let uniform = one("mass", "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'");
+    let grid = format!("[vary.g]\nkey = '{B}.part'\ndistribution = 'discrete'\nvalues = [0.1, 0.2]\ndesign = 'grid'\n");
+    let constant = one("mass", "distribution = 'constant'\nvalue = '2 kg'");
+    for (campaign, sample) in [
+        (format!("points = 8\n{uniform}"), true),
+        (format!("points = 8\nseeds = 'same'\n{uniform}"), true),
+        (format!("points = 8\ndesign = 'latin-hypercube'\n{uniform}"), true),
+        (format!("points = 8\n{constant}"), true),
+        (format!("points = 8\nseeds = 'same'\n{constant}"), false),
+        (format!("points = 8\n{uniform}{grid}"), false),
+        (format!("points = 8\ndesign = 'saltelli'\n{uniform}"), false),
+    ] {
+        let plan = files.plan(&campaign).unwrap();
+        assert_eq!(plan.is_sample(), sample, "{campaign}");
+    }
+}

@@ -47,7 +47,10 @@ pub fn conclude(
     let page = campaign::analysis(title, campaign, &finished.results);
     let page = report::campaign::page(title, &page);
     files.push(finished.folder.write("report.html", page)?);
-    let precision = identity.until.as_ref().map(|until| Precision::of(until, figures, finished));
+    let precision = identity
+        .until
+        .as_ref()
+        .map(|until| Precision::of(until, figures, finished));
     if args.json {
         let mut all = json(campaign, finished, &files);
         if let Some(precision) = &precision {

@@ -7,7 +7,7 @@ use clap::Args;
 use lockstep::time::Rational;
 
 use super::conclusion::{exit_code, json, print_time_and_files, write};
-use super::points::{CampaignArgs, DigestArgs, known_figures};
+use super::points::{CampaignArgs, DigestArgs, known_figures, print_warnings_of_points};
 use crate::arguments::{ScenarioArgs, parse_instant};
 use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
 use engine::run::RunFailure;
@@ -81,6 +81,7 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         (Some(list), CampaignError::Scenario(error)) => campaign::locate_in_first_case(list, error).into(),
         (_, error) => error,
     })?;
+    print_warnings_of_points(&campaign, &scenario);
     let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;
     let mut files = write(&campaign, &finished, None)?;
     let title = if cases.title.is_empty() {

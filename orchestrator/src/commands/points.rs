@@ -138,6 +138,42 @@ pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, Campa
     first.map_or_else(|| Ok(Figures::new(Vec::new(), Vec::new())), Err)
 }
 
+/// Prints the warnings that the changes of single points cause, such as a fault that begins after the end of the run. Only the first
+/// points and the first warnings: a campaign may have very many.
+pub fn print_warnings_of_points(campaign: &Campaign, scenario: &Scenario) {
+    const POINTS_MAX: usize = 200;
+    const SHOWN_MAX: usize = 10;
+    let mut known = catalogue().warnings_with(scenario, &[]);
+    let (mut shown, mut more) = (0, 0);
+    for at in 0..campaign.points.len().min(POINTS_MAX) {
+        // A point that does not exist, or is refused, is reported as such.
+        let spec = campaign.spec_of(at).ok().filter(|_| campaign.refused_at(at).is_none());
+        let Some(Ok(one)) = spec.map(|spec| Scenario::of(catalogue(), spec, &campaign.scenario)) else {
+            continue;
+        };
+        for warning in catalogue().warnings_with(&one, &[]) {
+            if known.contains(&warning) {
+                continue;
+            }
+            if shown < SHOWN_MAX {
+                shown += 1;
+                let values: Vec<&str> = campaign
+                    .columns
+                    .iter()
+                    .map(|column| column.texts[at].as_str())
+                    .collect();
+                eprintln!("warning: point {} ({}): {warning}", at + 1, values.join(", "));
+            } else {
+                more += 1;
+            }
+            known.push(warning);
+        }
+    }
+    if more > 0 {
+        eprintln!("warning: and {more} more of the first {POINTS_MAX} points");
+    }
+}
+
 /// Checks point `at` (from 0) without starting programs, and returns its figures of merit.
 fn figures_at(campaign: &Campaign, at: usize) -> Result<Figures, CampaignError> {
     if let Some(reason) = campaign.refused_at(at) {

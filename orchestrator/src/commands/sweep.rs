@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::cluster::ClusterArgs;
 use super::conclusion::{conclude, conclude_rare};
-use super::points::{CampaignArgs, DigestArgs, ShardArgs, TRIES_MAX, known_figures};
+use super::points::{CampaignArgs, DigestArgs, ShardArgs, TRIES_MAX, known_figures, print_warnings_of_points};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
 use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
@@ -84,6 +84,10 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         None => error,
     })?;
     let figures = known.ordered();
+    match &file {
+        Some(file) => file.check_names(&plan, &figures)?,
+        None => print_warnings_of_points(&campaign, &scenario),
+    }
     let figure = match &args.figure {
         Some(name) => Some(campaign::figure_of(name, &figures)?),
         None => None,
@@ -95,7 +99,11 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
             None => args.vary.is_empty(),
         },
         figure: figure.clone(),
-        until: args.until.as_ref().map(|until| until.watch(&figures, !known.criteria.is_empty())).transpose()?,
+        until: args
+            .until
+            .as_ref()
+            .map(|until| until.watch(&figures, !known.criteria.is_empty()))
+            .transpose()?,
         ..args.sharding.options(args.campaign.options())?
     };
     if let Some(file) = &file
@@ -176,7 +184,12 @@ fn declared_campaign(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignE
             let reason = format!("{path} says what varies: add a table [vary.NAME] to it, or sweep its scenario");
             Err(GridError { text, reason }.into())
         }
-        _ => Ok(None),
+        Some(_) => {
+            let path = args.scenario.scenario.display();
+            eprintln!("warning: {path}: [campaign] is not used, because the command line gives what varies");
+            Ok(None)
+        }
+        None => Ok(None),
     }
 }
 

@@ -75,7 +75,7 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
     };
     let text = std::fs::read_to_string(path).map_err(|error| refuse_at(None, format!("cannot be read: {error}")))?;
     let list: CasesFile = toml::from_str(&text).map_err(|error| {
-        let line = error.span().map(|span| text[..span.start].lines().count().max(1));
+        let line = error.span().map(|span| text[..span.start].matches('\n').count() + 1);
         refuse_at(line, error.message().to_owned())
     })?;
     let lines = KeyLines::of(&text);

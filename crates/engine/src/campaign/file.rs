@@ -15,7 +15,7 @@ use super::folder::any_path::AnyPath;
 use super::plan::Plan;
 use super::rare::Rare;
 use super::source::Source;
-use super::{Campaign, CampaignError, Kind};
+use super::{Campaign, CampaignError, Kind, Number};
 use crate::assessment::Criterion;
 use crate::scenario::{Changes, KeyLines, Mistake, Scenario, ScenarioError};
 use crate::text::check_title;
@@ -129,6 +129,30 @@ impl CampaignFile {
         Campaign {
             source: Some(source),
             ..Campaign::of_plan(Kind::Sweep, self.scenario.clone(), overrides, plan)
+        }
+    }
+
+    /// Checks that no column of `plan` has the name of a figure of merit, which is a column of the table too.
+    ///
+    /// # Errors
+    /// The dispersion with that name.
+    pub fn check_names(&self, plan: &Plan, figures: &[Number]) -> Result<(), CampaignError> {
+        let names: Vec<String> = plan.heads().into_iter().map(|head| head.name).collect();
+        let taken = |name: &&String| figures.iter().any(|figure| figure.name == **name);
+        let mistakes: Vec<Mistake> = names
+            .iter()
+            .filter(taken)
+            .map(|name| {
+                let stem = name.split('[').next().unwrap_or(name);
+                let reason = format!(
+                    "the name `{name}` is not possible: the table has a figure of merit with it; choose another"
+                );
+                self.mistake(&format!("vary.{stem}"), reason)
+            })
+            .collect();
+        match mistakes.is_empty() {
+            true => Ok(()),
+            false => Err(self.error(mistakes)),
         }
     }
 

@@ -201,7 +201,12 @@ mod tests {
             .unwrap()
             .numbers()
             .collect();
-        until.parse::<Until>().unwrap().watch(&known, true).unwrap().evaluate(results)
+        until
+            .parse::<Until>()
+            .unwrap()
+            .watch(&known, true)
+            .unwrap()
+            .evaluate(results)
     }
 
     #[test]
@@ -268,6 +273,12 @@ mod tests {
         let until: Until = "beauty within 1 %".parse().unwrap();
         assert!(until.watch(&[], true).unwrap_err().to_string().contains("`beauty`"));
         let until: Until = "met within 1 %".parse().unwrap();
-        assert!(until.watch(&[], false).unwrap_err().to_string().contains("no criterion"));
+        assert!(
+            until
+                .watch(&[], false)
+                .unwrap_err()
+                .to_string()
+                .contains("no criterion")
+        );
     }
 }

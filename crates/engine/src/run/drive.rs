@@ -110,7 +110,7 @@ impl Run {
         };
         if ticks < self.now {
             return refuse(format!(
-                "has passed: the run rests at {}; `restore` goes back",
+                "has passed: the run is paused at {}; `restore` goes back",
                 self.now()
             ));
         }

@@ -131,7 +131,12 @@ impl FigureSample {
         sorted.sort_by(f64::total_cmp);
         let rows = PERCENTILE_FRACTIONS.iter().filter_map(|part| {
             let own = percentile(&sorted, *part, CONFIDENCE)?;
-            Some(json!([part, own.value, own.low.filter(|_| intervals), own.high.filter(|_| intervals)]))
+            Some(json!([
+                part,
+                own.value,
+                own.low.filter(|_| intervals),
+                own.high.filter(|_| intervals)
+            ]))
         });
         rows.collect()
     }

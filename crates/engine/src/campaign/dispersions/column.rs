@@ -38,7 +38,9 @@ pub fn read_column(path: &Path, name: &str) -> Result<(Vec<String>, String), Str
         .ok_or_else(|| format!("has no column `{name}`; there is {}", heads.join(", ")))?;
     if let Some((other, _)) = named.next() {
         let (at, other) = (at + 1, other + 1);
-        return Err(format!("has two columns `{name}`, number {at} and {other}: give one of them another heading"));
+        return Err(format!(
+            "has two columns `{name}`, number {at} and {other}: give one of them another heading"
+        ));
     }
     let mut cells = Vec::new();
     for (number, line) in (2..).zip(lines) {
