@@ -224,6 +224,12 @@ fn exports_choose_streams_fields_and_times() {
     let output = run_orchestrator(&["export", text(&out), "--to", "csv", "--of", "plant.truth.nope"]);
     assert_eq!(output.code, Some(2), "{output:?}");
     assert!(output.err.contains("has no field `nope`"), "{output:?}");
+    // Options of other formats are refused, not ignored.
+    for (option, value) in [("--compression", "none"), ("--model", "nobody=none.urdf")] {
+        let output = run_orchestrator(&["export", text(&out), "--to", "csv", option, value]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(&format!("error: {option}: only")), "{output:?}");
+    }
     // The file contains the digest of its tape and its scenario.
     let output = run_orchestrator(&[
         "export",

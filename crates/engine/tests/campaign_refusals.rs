@@ -7,7 +7,12 @@ use dispersed::{B, Files, one};
 /// A parameter, what stands below its `[vary.x]`, and parts of the refusal.
 type Case = (&'static str, &'static str, &'static [&'static str]);
 
-const DISPERSIONS: [Case; 31] = [
+const DISPERSIONS: [Case; 32] = [
+    (
+        "mass",
+        "distribution = 'discrete'\nvalues = ['1 kg', '2 kg']\nlabels = ['x', 'x']",
+        &["vary.x.labels", "has `x` twice"],
+    ),
     (
         "mass",
         "distribution = 'normal'\nmean = '12 kg'\ndeviation = '-1 kg'",

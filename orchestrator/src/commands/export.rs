@@ -41,10 +41,9 @@ pub enum Format {
 }
 
 /// How an MCAP file is compressed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum CompressionArg {
     /// LZ4, chunk by chunk
-    #[default]
     Lz4,
     /// Not at all
     None,
@@ -70,9 +69,9 @@ pub struct ExportArgs {
     /// Leave out samples after this simulated time
     #[arg(long, value_name = "TIME", value_parser = parse_instant)]
     pub until: Option<Rational>,
-    /// The compression of an MCAP file
-    #[arg(long, value_enum, default_value_t)]
-    pub compression: CompressionArg,
+    /// The compression of an MCAP file [default: lz4]
+    #[arg(long, value_enum)]
+    pub compression: Option<CompressionArg>,
     /// A URDF for a body of the scene, instead of that of the scenario (may be given more than once)
     #[arg(long, value_name = "BODY=URDF", value_parser = parse_model)]
     pub model: Vec<(String, PathBuf)>,
@@ -94,15 +93,29 @@ impl ExportArgs {
     fn compression(&self) -> Compression {
         match (self.to, self.compression) {
             // An intermediate file for another format.
-            (Format::Rrd, _) | (_, CompressionArg::None) => Compression::None,
-            (_, CompressionArg::Lz4) => Compression::Lz4,
+            (Format::Rrd, _) | (_, Some(CompressionArg::None)) => Compression::None,
+            (_, Some(CompressionArg::Lz4) | None) => Compression::Lz4,
         }
+    }
+
+    /// The option that the format has no use for, if one is given.
+    fn unused_option(&self) -> Option<&'static str> {
+        let scene = matches!(self.to, Format::Mcap | Format::Rrd);
+        if self.compression.is_some() && self.to != Format::Mcap {
+            return Some("--compression: only a file of --to mcap is compressed this way: leave it out");
+        }
+        (!self.model.is_empty() && !scene)
+            .then_some("--model: only files of --to mcap and rrd have a scene with bodies: leave it out")
     }
 }
 
 /// Exports and lists the files; returns the exit code.
 pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
+    if let Some(reason) = args.unused_option() {
+        eprintln!("error: {reason}");
+        return Ok(UNREADABLE);
+    }
     let chosen = args.out.as_deref();
     chosen.map_or(Ok(()), |out| destination::check("--out", out))?;
     let rerun = (args.to == Format::Rrd).then(|| in_path("rerun"));

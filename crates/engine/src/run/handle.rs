@@ -391,7 +391,13 @@ impl Run {
                 text: reason.clone(),
             });
         }
-        let simulated_s = plan.timebase.seconds(recorder.newest.clamp(0, plan.end));
+        // A run without outputs has no samples, and is complete at its end all the same.
+        let simulated_until = if ending == Ending::Complete {
+            plan.end
+        } else {
+            recorder.newest.clamp(0, plan.end)
+        };
+        let simulated_s = plan.timebase.seconds(simulated_until);
         let ending = recorder.with_active_faults(ending);
         let (sealed, figures) = recorder.finish();
         let (ending, digest) = Outcome::sealed(ending, sealed);

@@ -290,7 +290,7 @@ fn discrete(keys: &mut KeyReader<'_>) -> Option<ValueSource> {
         keys.refuse("values", format!("{values} is no list of values"));
         return None;
     };
-    let labels = match keys.value("labels") {
+    let labels: Vec<String> = match keys.value("labels") {
         None => values.iter().map(label_of).collect(),
         Some(given) => {
             let texts: Option<Vec<String>> = given.as_array().and_then(|all| {
@@ -298,7 +298,15 @@ fn discrete(keys: &mut KeyReader<'_>) -> Option<ValueSource> {
                 texts.collect()
             });
             match texts.filter(|texts| texts.len() == values.len()) {
-                Some(texts) => texts,
+                Some(texts) => {
+                    let twice = (1..texts.len()).find(|at| texts[..*at].contains(&texts[*at]));
+                    if let Some(at) = twice {
+                        let reason = format!("has `{}` twice: the table could not tell the values apart", texts[at]);
+                        keys.refuse("labels", reason);
+                        return None;
+                    }
+                    texts
+                }
                 None => {
                     keys.refuse("labels", format!("{given} is no list of {} texts", values.len()));
                     return None;
