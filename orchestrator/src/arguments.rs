@@ -208,7 +208,7 @@ pub struct CommonArgs {
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
-    /// Print no progress and no result; only the exit code tells the result
+    /// Print no progress, no result and no warnings about the scenario; the exit code is the result
     #[arg(long)]
     pub quiet: bool,
     /// End the run when no participant has made progress for this long, wall-clock time (60 s by default); the time during which the
