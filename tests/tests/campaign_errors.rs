@@ -1,7 +1,7 @@
 //! Mistakes in campaigns and lists of cases are rejected where they are, with the line and the remedy.
 
 use escapement_tests::fixture;
-use escapement_tests::program::{Folder, assert_refused, run_orchestrator, text};
+use escapement_tests::program::{Folder, assert_refused, root, run_orchestrator, text};
 
 #[test]
 fn list_entry_is_addressed_by_number_or_by_name() {
@@ -62,6 +62,44 @@ fn error_in_a_case_names_the_case_list() {
     let output = run_orchestrator(&["faults", text(&wrong), "--cases", text(&list), "--out", text(&out)]);
     assert_refused(&output, &["m.toml:", "`1 m`"], &["cases.toml"]);
     assert!(!out.exists(), "nothing is written");
+}
+
+#[test]
+fn case_list_is_refused_at_the_line_of_its_mistake() {
+    let folder = Folder::new("wrong-cases");
+    let scenario = root().join("scenarios/close.toml");
+    for (text_of_list, part) in [
+        ("[[case]]\nname = 'a'\nsett = {}", "wrong.toml:3: unknown field `sett`"),
+        ("title = 'none'\ncase = []", "has no [[case]]"),
+        (
+            "[[case]]\nname = 'a'\n[[case]]\nname = 'a'",
+            "wrong.toml:4: case.2.name: another case is called `a` too",
+        ),
+        (
+            "[[case]]\nname = \"a\\u001b[2J\"",
+            "wrong.toml:2: case.1.name: \"a\\u{1b}[2J\" has the control character",
+        ),
+        (
+            "[[case]]\nname = 'a'\nappend = { \"participants.plant.period\" = [1] }",
+            "wrong.toml:3: case `a`: `participants.plant.period` is string and no list",
+        ),
+        (
+            "[[case]]\nname = 'a'\nset = { \"duraton\" = 1 }",
+            "unknown field `duraton`",
+        ),
+    ] {
+        let list = folder.write("wrong.toml", text_of_list);
+        let output = run_orchestrator(&[
+            "faults",
+            text(&scenario),
+            "--cases",
+            text(&list),
+            "--out",
+            text(&folder.path().join("no")),
+        ]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
+    }
 }
 
 #[test]

@@ -372,38 +372,6 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
         assert_eq!(row["outcome"], "not-met", "{row}");
         assert_ne!(row["tape_digest"], json["rows"][0]["tape_digest"]);
     }
-    for (text_of_list, part) in [
-        ("[[case]]\nname = 'a'\nsett = {}", "wrong.toml:3: unknown field `sett`"),
-        ("title = 'none'\ncase = []", "has no [[case]]"),
-        (
-            "[[case]]\nname = 'a'\n[[case]]\nname = 'a'",
-            "wrong.toml:4: case.2.name: another case is called `a` too",
-        ),
-        (
-            "[[case]]\nname = \"a\\u001b[2J\"",
-            "wrong.toml:2: case.1.name: \"a\\u{1b}[2J\" has the control character",
-        ),
-        (
-            "[[case]]\nname = 'a'\nappend = { \"participants.plant.period\" = [1] }",
-            "wrong.toml:3: case `a`: `participants.plant.period` is string and no list",
-        ),
-        (
-            "[[case]]\nname = 'a'\nset = { \"duraton\" = 1 }",
-            "unknown field `duraton`",
-        ),
-    ] {
-        let list = folder.write("wrong.toml", text_of_list);
-        let output = run_orchestrator(&[
-            "faults",
-            CLOSE,
-            "--cases",
-            text(&list),
-            "--out",
-            text(&folder.path().join("no")),
-        ]);
-        assert_eq!(output.code, Some(2), "{output:?}");
-        assert!(output.err.contains(part), "`{part}` is not in: {}", output.err);
-    }
 }
 
 #[test]

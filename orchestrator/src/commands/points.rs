@@ -138,6 +138,15 @@ pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, Campa
     first.map_or_else(|| Ok(Figures::new(Vec::new(), Vec::new())), Err)
 }
 
+/// Whether points of the scenario may be met or not met. Where a program describes its ports only when it runs, figures of merit and
+/// criteria are not known before.
+pub fn may_have_criteria(known: &Figures, scenario: &Scenario) -> bool {
+    let declared = ["measures", "assessment"]
+        .iter()
+        .any(|key| scenario.resolved().contains_key(*key));
+    !known.criteria.is_empty() || known.ordered().is_empty() && declared
+}
+
 /// Prints the warnings that the changes of single points cause, such as a fault that begins after the end of the run. Only the first
 /// points and the first warnings: a campaign may have very many.
 pub fn print_warnings_of_points(campaign: &Campaign, scenario: &Scenario) {

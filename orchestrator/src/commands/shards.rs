@@ -8,7 +8,7 @@ use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, Sta
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
-use super::points::{CampaignArgs, ShardArgs, TRIES_MAX, audit_without_second_shard, known_figures};
+use super::points::{CampaignArgs, ShardArgs, TRIES_MAX, audit_without_second_shard, known_figures, may_have_criteria};
 use super::sweep::{self, SweepArgs};
 use crate::catalogue::catalogue;
 
@@ -144,7 +144,7 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
     let until = identity.until.as_ref().filter(|_| args.sharding.shard.is_none());
     let watch = |until: &Until| {
         let known = known_figures(&campaign, TRIES_MAX)?;
-        until.watch(&known.ordered(), !known.criteria.is_empty())
+        until.watch(&known.ordered(), may_have_criteria(&known, &scenario))
     };
     let options = Options {
         until: until.map(watch).transpose()?,

@@ -4,7 +4,9 @@ use clap::Args;
 
 use super::cluster::ClusterArgs;
 use super::conclusion::{conclude, conclude_rare};
-use super::points::{CampaignArgs, DigestArgs, ShardArgs, TRIES_MAX, known_figures, print_warnings_of_points};
+use super::points::{
+    CampaignArgs, DigestArgs, ShardArgs, TRIES_MAX, known_figures, may_have_criteria, print_warnings_of_points,
+};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
 use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
@@ -102,7 +104,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         until: args
             .until
             .as_ref()
-            .map(|until| until.watch(&figures, !known.criteria.is_empty()))
+            .map(|until| until.watch(&figures, may_have_criteria(&known, &scenario)))
             .transpose()?,
         ..args.sharding.options(args.campaign.options())?
     };

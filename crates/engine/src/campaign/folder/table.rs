@@ -71,7 +71,8 @@ pub fn figure_of(name: &str, known: &[Number]) -> Result<Number, CampaignError> 
     found.cloned().ok_or_else(|| CampaignError::Figure {
         name: name.to_owned(),
         known: if known.is_empty() {
-            "none: the scenario has no `measures` and no `assessment`".to_owned()
+            "none before a run: the scenario has no `measures` and no `assessment`, or a program that describes its ports only when it runs"
+                .to_owned()
         } else {
             let names: Vec<&str> = known.iter().map(|known| known.name.as_str()).collect();
             names.join(", ")
