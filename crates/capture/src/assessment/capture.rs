@@ -11,7 +11,8 @@ use tape::StreamSpec;
 
 use super::Summary;
 use super::criteria::evaluate_criteria;
-use super::parameters::{Criteria, Limits, Parameters};
+use super::parameters::{Criteria, Parameters};
+use super::peak::{larger, largest, smaller};
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
@@ -109,25 +110,6 @@ impl Jerk {
     }
 }
 
-/// The larger of two numbers. In a build optimised for size, `f64::max` is a call of the C library, dozens at every step of
-/// the plant; NaN does not occur here.
-#[inline(always)]
-fn larger(a: f64, b: f64) -> f64 {
-    if b > a { b } else { a }
-}
-
-/// The smaller of two numbers, as [`larger`].
-#[inline(always)]
-fn smaller(a: f64, b: f64) -> f64 {
-    if b < a { b } else { a }
-}
-
-fn largest(values: &[f64]) -> f64 {
-    values
-        .iter()
-        .fold(0.0, |largest_so_far, value| larger(largest_so_far, value.abs()))
-}
-
 fn norm(vector: [f64; 3]) -> f64 {
     vector.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
@@ -136,7 +118,7 @@ impl Capture {
     /// Creates an assessment without samples.
     ///
     /// # Errors
-    /// Names the stream or field that is missing.
+    /// Names the stream or field that is missing, or the value that is out of range.
     pub fn new(parameters: &Parameters, streams: &[StreamSpec]) -> Result<Self, ParameterError> {
         let number = stream(streams, "truth", parameters.truth.as_ref(), "Truth")?;
         let truth = TruthFields::new(number, &streams[number])?;
@@ -147,20 +129,13 @@ impl Capture {
             let reason = format!("{grasp_at} s is not after the start");
             return Err(ParameterError::new("grasp_at", reason));
         }
-        let Limits {
-            torque,
-            force,
-            joint_torque,
-        } = &parameters.limits;
-        let mut limits = [0.0; 13];
-        let all = torque.si().into_iter().chain(force.si()).chain(joint_torque.si());
-        limits.iter_mut().zip(all).for_each(|(slot, limit)| *slot = limit);
+        parameters.criteria.validate()?;
         Ok(Self {
             truth,
             command,
             grasp_at,
             criteria: parameters.criteria.clone(),
-            limits,
+            limits: parameters.limits.validated()?,
             accumulated: Accumulated::default(),
         })
     }
@@ -224,7 +199,8 @@ impl Capture {
             };
             figures.peaks[channel] = larger(figures.peaks[channel], value.abs());
             figures.integrals[group] += value.abs() * fields.period;
-            over[group] |= value.abs() > self.limits[channel];
+            // a command that is not a number is none that an actuator could follow
+            over[group] |= value.abs() > self.limits[channel] || value.is_nan();
         }
         over[3] = over[..3].contains(&true);
         figures.commands += 1;

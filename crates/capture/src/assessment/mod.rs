@@ -3,6 +3,7 @@
 mod capture;
 mod criteria;
 mod parameters;
+mod peak;
 mod summary;
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The table `assessment` of a scenario.
 
-use lockstep::units::{Angle, Force, PerAxis, Quantity, Time, Torque};
+use lockstep::participant::ParameterError;
+use lockstep::units::{Angle, Force, Kind, PerAxis, Quantity, Time, Torque};
 use serde::Deserialize;
 
 /// `[assessment]`.
@@ -54,6 +55,23 @@ impl Default for Limits {
     }
 }
 
+impl Limits {
+    /// The limits of the wheels, the thrusters and the joint motors, in this order, N m or N.
+    ///
+    /// # Errors
+    /// Names the limit that is not above zero.
+    pub fn validated(&self) -> Result<[f64; 13], ParameterError> {
+        above_zero("limits.torque", &self.torque)?;
+        above_zero("limits.force", &self.force)?;
+        above_zero("limits.joint_torque", &self.joint_torque)?;
+        let mut limits = [0.0; 13];
+        let all = self.torque.si().into_iter().chain(self.force.si());
+        let all = all.chain(self.joint_torque.si());
+        limits.iter_mut().zip(all).for_each(|(slot, limit)| *slot = limit);
+        Ok(limits)
+    }
+}
+
 /// Upper limits of figures that a scenario's measures cannot express. No criterion unless given.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -62,4 +80,36 @@ pub struct Criteria {
     pub saturated_fraction: Option<f64>,
     /// Range of each joint, symmetric about zero: the fraction of it that is used must not exceed one.
     pub joint_ranges: Option<PerAxis<Angle, 7>>,
+}
+
+impl Criteria {
+    /// Rejects a criterion that every run or none would meet.
+    ///
+    /// # Errors
+    /// Names the criterion, its value and what is possible.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        if let Some(fraction) = self.saturated_fraction.filter(|part| !(0.0..=1.0).contains(part)) {
+            let reason =
+                format!("{fraction} is not a fraction of the samples: give a number from 0 to 1, such as 0.05");
+            return Err(ParameterError::new("criteria.saturated_fraction", reason));
+        }
+        self.joint_ranges
+            .as_ref()
+            .map_or(Ok(()), |ranges| above_zero("criteria.joint_ranges", ranges))
+    }
+}
+
+/// Rejects a range or a limit that is not above zero.
+fn above_zero<K: Kind, const N: usize>(key: &str, values: &PerAxis<K, N>) -> Result<(), ParameterError> {
+    let mut all = values.si().into_iter().enumerate();
+    let Some((at, value)) = all.find(|(_, value)| !(*value > 0.0 && value.is_finite())) else {
+        return Ok(());
+    };
+    let reason = format!(
+        "{} (number {} of {N}) is not above zero; write for example \"{}\"",
+        K::text(value),
+        at + 1,
+        K::EXAMPLE
+    );
+    Err(ParameterError::new(key, reason))
 }

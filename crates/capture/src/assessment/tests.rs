@@ -193,6 +193,31 @@ fn joint_ranges_criterion_limits_the_joint_angles() {
 }
 
 #[test]
+fn criterion_on_samples_that_are_no_numbers_is_not_met() {
+    let broken = |t| Truth {
+        q: std::array::from_fn(|joint| if joint == 3 && t < 0.01 { f64::NAN } else { 0.0 }),
+        ..approach_truth(t)
+    };
+    let mute = |_| Command {
+        torque_B: [0.0, f64::NAN, 0.0],
+        force_B: [0.0; 3],
+        tau: [0.0; 7],
+    };
+    let ranges = "[criteria]\njoint_ranges = '1 deg'";
+    let figures = feed_samples(ranges, true, broken, varying_command).finish(Vec::new());
+    let criterion = &figures.criteria[0];
+    assert!(!figures.met() && criterion.value.is_none(), "{criterion:?}");
+    assert!(
+        criterion.reason.as_ref().unwrap().contains("not a number"),
+        "{criterion:?}"
+    );
+    let saturated = "[criteria]\nsaturated_fraction = 0.5";
+    let mut assessment = feed_samples(saturated, true, approach_truth, mute);
+    assert!(assessment.summary().peak_base_torque_n_m.is_nan());
+    assert!(!assessment.finish(Vec::new()).met());
+}
+
+#[test]
 fn early_end_is_no_capture_and_gives_the_reason() {
     let mut assessment = assessment("");
     assessment.sample(1, 0.0, bytes_of(&approach_truth(0.0)));
@@ -219,6 +244,39 @@ fn invalid_table_is_rejected_with_its_key() {
         ("[criteria]\njoint_ranges = 3", "criteria.joint_ranges", "30 deg"),
         ("[criteria]\nslosh = '3 deg'", "criteria.slosh", "unknown field"),
         ("[limits]\ntorque = '1 N'", "limits.torque", "a torque"),
+        ("[criteria]\njoint_ranges = '-1 deg'", "criteria.joint_ranges", "-1 deg"),
+        (
+            "[criteria]\njoint_ranges = '0 deg'",
+            "criteria.joint_ranges",
+            "not above zero",
+        ),
+        (
+            "[criteria]\njoint_ranges = '[9, 9, 9, 9, 9, -9, 9] deg'",
+            "criteria.joint_ranges",
+            "number 6 of 7",
+        ),
+        (
+            "[criteria]\nsaturated_fraction = nan",
+            "criteria.saturated_fraction",
+            "NaN",
+        ),
+        (
+            "[criteria]\nsaturated_fraction = -1",
+            "criteria.saturated_fraction",
+            "-1",
+        ),
+        (
+            "[criteria]\nsaturated_fraction = 2",
+            "criteria.saturated_fraction",
+            "from 0 to 1",
+        ),
+        ("[limits]\ntorque = '-1 N m'", "limits.torque", "-1 N m"),
+        ("[limits]\nforce = '[9, 0, 9] N'", "limits.force", "number 2 of 3"),
+        (
+            "[limits]\njoint_torque = '-5 N m'",
+            "limits.joint_torque",
+            "not above zero",
+        ),
     ] {
         let (found, reason) = refuse(&format!("{good}{extra}"), &streams());
         assert_eq!(found, key, "{reason}");

@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 
 use serde::de::{Deserialize, Deserializer, Error, Visitor};
 
-use super::{Dimension, UnitError, parse};
+use super::{Dimension, UnitError, parse, unit_factor, unit_in};
 
 /// A kind of quantity: its dimension, and the words for it in messages.
 pub trait Kind {
@@ -15,6 +15,15 @@ pub trait Kind {
     const WORDS: &'static str;
     /// "0.5 m".
     const EXAMPLE: &'static str;
+
+    /// The value `si`, in SI units and radians, as a user would write it: in the unit of the example, for messages.
+    fn text(si: f64) -> String {
+        let unit = unit_in(Self::EXAMPLE).unwrap_or_default();
+        let factor = unit_factor(unit).map_or(1.0, |(factor, _)| factor);
+        // the conversion to SI units has rounded the number that was written
+        let value = format!("{:.12e}", si / factor).parse().unwrap_or(si / factor);
+        format!("{value} {unit}")
+    }
 }
 
 /// One quantity: `"0.5 m"`.
