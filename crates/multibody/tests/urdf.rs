@@ -42,7 +42,7 @@ const REVOLUTE: &str = r#"type="revolute""#;
 const AXIS: &str = r#"<axis xyz="0 1 0"/>"#;
 
 /// Text to replace, its replacement, and words of the error.
-const REFUSED: [(&str, &str, &[&str]); 20] = [
+const REFUSED: [(&str, &str, &[&str]); 23] = [
     (
         REVOLUTE,
         r#"type="planar""#,
@@ -73,6 +73,21 @@ const REFUSED: [(&str, &str, &[&str]); 20] = [
         r#"<mass value="2"/>"#,
         r#"<mass value="-2"/>"#,
         &["`arm`", "-2", "negative"],
+    ),
+    (
+        AXIS,
+        r#"<axis xyz="0 1 0"/><limit lower="-3" upper="-4"/>"#,
+        &["line 6", "`hinge`", "lower=\"-3\"", "upper=\"-4\""],
+    ),
+    (
+        r#"<mass value="2"/>"#,
+        r#"<mass value="0"/>"#,
+        &["`arm`", "mass is zero", "1e-1 kg m²", "set both to zero"],
+    ),
+    (
+        r#"<mass value="10"/>"#,
+        r#"<mass value="0"/>"#,
+        &["`base`", "mass is zero", "1e0 kg m²"],
     ),
     (
         r#"<mass value="2"/>"#,
@@ -136,6 +151,24 @@ fn errors_name_the_element_and_a_remedy() {
             .to_string()
             .contains("no link")
     );
+}
+
+#[test]
+fn infinite_total_mass_is_refused() {
+    let heavy = PLAIN
+        .replace(r#"<mass value="2"/>"#, r#"<mass value="1e308"/>"#)
+        .replace(r#"<mass value="10"/>"#, r#"<mass value="1e308"/>"#);
+    let message = Description::from_urdf(&heavy).unwrap_err().to_string();
+    assert!(message.contains("inf kg") && message.contains("finite"), "{message}");
+}
+
+#[test]
+fn limits_of_a_joint_without_a_range_are_not_compared() {
+    let turning = PLAIN.replace(
+        r#"type="revolute"><"#,
+        r#"type="continuous"><limit lower="3" upper="-3"/><"#,
+    );
+    Description::from_urdf(&turning).expect("a continuous joint has no range");
 }
 
 #[test]

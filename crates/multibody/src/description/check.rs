@@ -32,7 +32,11 @@ impl Description {
         let tree: Vec<E> = self.check_tree().err().into_iter().collect();
         let is_tree = out.is_empty() && tree.is_empty();
         out.extend(tree);
-        if is_tree {
+        let total = self.total_mass();
+        if is_tree && !total.is_finite() {
+            // no sum of the links' properties is meaningful
+            out.push(E::TotalMass { value: total });
+        } else if is_tree {
             out.extend(self.check_inertials());
             let moving = (0..self.joints.len()).filter(|&j| self.joints[j].kind != JointKind::Fixed);
             out.extend(moving.filter_map(|joint| self.joint_coupling(joint).err()));
@@ -128,6 +132,15 @@ impl Description {
                     z: j.axis.z,
                 });
             }
+        }
+        if let (Some(limits), JointKind::Revolute | JointKind::Prismatic) = (&j.limits, j.kind)
+            && limits.lower > limits.upper
+        {
+            return Err(E::Range {
+                joint: name(),
+                lower: limits.lower,
+                upper: limits.upper,
+            });
         }
         finite("joint", &j.name, "the rest position", j.rest)?;
         if let Some(mimic) = &j.mimic {
@@ -304,6 +317,12 @@ fn check_physics(link: &str, i: &Inertia) -> Result<(), E> {
             small,
             middle,
             large,
+        });
+    }
+    if i.mass == 0.0 && large > INERTIA_SLACK {
+        return Err(E::InertiaWithoutMass {
+            link: link.to_owned(),
+            moment: large,
         });
     }
     Ok(())

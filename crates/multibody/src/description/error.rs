@@ -109,6 +109,36 @@ pub enum DescriptionError {
         /// Largest principal moment.
         large: f64,
     },
+    /// A body without mass has an inertia.
+    #[error(
+        "link `{link}`: the mass is zero, but the inertia is not (its largest principal moment is {moment:e} kg m²); no \
+         distribution of mass has that: give both, or set both to zero for an intermediate body"
+    )]
+    InertiaWithoutMass {
+        /// The link.
+        link: String,
+        /// The largest principal moment.
+        moment: f64,
+    },
+    /// The sum of all masses is beyond what a number can hold.
+    #[error("the links' masses add up to {value} kg; the sum must be a finite number: check their units")]
+    TotalMass {
+        /// The sum.
+        value: f64,
+    },
+    /// The range of a joint has no position in it.
+    #[error(
+        "joint `{joint}`: the limits are lower=\"{lower}\" and upper=\"{upper}\"; the lower one must not be above the \
+         upper one"
+    )]
+    Range {
+        /// The joint.
+        joint: String,
+        /// The lower limit.
+        lower: f64,
+        /// The upper limit.
+        upper: f64,
+    },
     /// A body that moves on its own has no inertia given for any of its links.
     #[error(
         "link `{link}` moves on its own (by joint `{joint}`) but neither it nor anything fixed to it has an <inertial>; \
@@ -136,7 +166,7 @@ impl DescriptionError {
     /// Subject of the error: `link` or `joint`, and its name; `None` for the whole mechanism.
     pub fn subject(&self) -> Option<(&'static str, &str)> {
         Some(match self {
-            Self::Empty => return None,
+            Self::Empty | Self::TotalMass { .. } => return None,
             Self::DuplicateName { what, name }
             | Self::NotFinite { what, name, .. }
             | Self::Negative { what, name, .. } => (*what, name),
@@ -144,9 +174,11 @@ impl DescriptionError {
             | Self::Loop { joint, .. }
             | Self::Axis { joint, .. }
             | Self::Rotation { joint, .. }
+            | Self::Range { joint, .. }
             | Self::Mimic { joint, .. } => ("joint", joint),
             Self::TwoRoots { second: link, .. }
             | Self::InertiaNotPositive { link, .. }
+            | Self::InertiaWithoutMass { link, .. }
             | Self::Triangle { link, .. }
             | Self::MissingInertial { link, .. } => ("link", link),
         })

@@ -138,9 +138,9 @@ pub enum UrdfErrorKind {
 impl UrdfErrorKind {
     /// Whether the error is a physically impossible body: [`UrdfOptions::allow_unphysical`](super::UrdfOptions) accepts it.
     pub fn is_unphysical(&self) -> bool {
-        use DescriptionError::{InertiaNotPositive, Negative, Triangle};
+        use DescriptionError::{InertiaNotPositive, InertiaWithoutMass, Negative, Triangle};
         match self {
-            Self::Description(InertiaNotPositive { .. } | Triangle { .. }) => true,
+            Self::Description(InertiaNotPositive { .. } | InertiaWithoutMass { .. } | Triangle { .. }) => true,
             Self::Description(Negative { what, .. }) => *what == "link",
             _ => false,
         }
