@@ -2,7 +2,8 @@
 //! their only imperfection.
 
 use interfaces::files::{Servicer, Target};
-use lockstep::units::{Angle, AngularRate, Length, PerAxis, Quantity, Speed, Time, Vector};
+use lockstep::participant::ParameterError;
+use lockstep::units::{Angle, AngularRate, Kind, Length, PerAxis, Quantity, Speed, Time, Vector};
 use serde::Deserialize;
 
 use crate::actuators::ActuatorParameters;
@@ -119,6 +120,35 @@ pub struct AfterGrasp {
     /// Angle between the two within which it can close.
     #[serde(default = "reach_angle")]
     pub within_angle: Quantity<Angle>,
+}
+
+impl AfterGrasp {
+    /// Rejects a gripper that could never close, or that would have closed before the start.
+    ///
+    /// # Errors
+    /// Names the parameter, its value and the remedy.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let at = self.at.si();
+        if at < 0.0 {
+            let reason = format!("{at} s is before the start; write for example \"30 s\"");
+            return Err(ParameterError::new("after_grasp.at", reason));
+        }
+        above_zero("after_grasp.within", self.within)?;
+        above_zero("after_grasp.within_angle", self.within_angle)
+    }
+}
+
+/// Rejects a distance or an angle that is not above zero.
+fn above_zero<K: Kind>(key: &str, value: Quantity<K>) -> Result<(), ParameterError> {
+    if value.si() > 0.0 {
+        return Ok(());
+    }
+    let reason = format!(
+        "{} is not above zero; write for example \"{}\"",
+        K::text(value.si()),
+        K::EXAMPLE
+    );
+    Err(ParameterError::new(key, reason))
 }
 
 const fn zero() -> Vector<Angle, 3> {

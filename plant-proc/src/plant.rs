@@ -71,6 +71,9 @@ impl Plant {
             let reason = format!("{} is not between 1 and 1000", parameters.integrator.substeps);
             return Err(ParameterError::new("integrator.substeps", reason));
         }
+        if let Some(gripper) = &parameters.after_grasp {
+            gripper.validate()?;
+        }
         let actuators = Actuators::new(
             &parameters.actuators,
             &parameters.faults,

@@ -170,6 +170,42 @@ fn invalid_parameters_are_rejected_with_key_and_remedy() {
             "factor = 0.5",
         ),
         (
+            "faults = [{ actuator = 'wheel.x', effect = 'weak', factor = -1 }]",
+            "faults[0].factor",
+            "-1 is not a fraction",
+        ),
+        (
+            "faults = [{ actuator = 'wheel.x', effect = 'weak', factor = 7 }]",
+            "faults[0].factor",
+            "from 0 to 1",
+        ),
+        (
+            "faults = [{ actuator = 'wheel.x', effect = 'weak', factor = nan }]",
+            "faults[0].factor",
+            "NaN",
+        ),
+        (
+            "faults = [{ actuator = 'wheel.x', effect = 'off', from = '-5 s' }]",
+            "faults[0].from",
+            "-5 s is before the start",
+        ),
+        (
+            "faults = [{ actuator = 'wheel.x', effect = 'off', until = '-1 s' }]",
+            "faults[0].until",
+            "-1 s is not after",
+        ),
+        ("after_grasp = { at = '-1 s' }", "after_grasp.at", "-1 s is before"),
+        (
+            "after_grasp = { at = '30 s', within = '-1 mm' }",
+            "after_grasp.within",
+            "-0.001 m is not above zero",
+        ),
+        (
+            "after_grasp = { at = '30 s', within_angle = '0 deg' }",
+            "after_grasp.within_angle",
+            "0 deg is not above zero",
+        ),
+        (
             "actuators = { wheels = { torque = '0.2 N' } }",
             "actuators.wheels.torque",
             "a torque",

@@ -98,7 +98,13 @@ impl Faults {
                 refuse("actuator", reason)
             })?;
             let effect = match (fault.effect, actuators[0], fault.factor) {
-                (EffectName::Weak, _, Some(factor)) if factor.is_finite() => Effect::Weak(factor),
+                (EffectName::Weak, _, Some(factor)) if (0.0..=1.0).contains(&factor) => Effect::Weak(factor),
+                (EffectName::Weak, _, Some(factor)) => {
+                    let reason = format!(
+                        "{factor} is not a fraction of the command: give a number from 0 to 1, such as factor = 0.5"
+                    );
+                    return Err(refuse("factor", reason));
+                }
                 (EffectName::Weak, ..) => {
                     let reason = "effect `weak` needs the part of the command that is followed, such as factor = 0.5";
                     return Err(refuse("factor", reason.to_owned()));
@@ -114,9 +120,13 @@ impl Faults {
                 (EffectName::Locked, ..) => return Err(refuse("effect", "`locked` is only for joints".to_owned())),
             };
             let (from, until) = (
-                fault.from.map_or(f64::NEG_INFINITY, |from| from.si()),
+                fault.from.map_or(0.0, |from| from.si()),
                 fault.until.map_or(f64::INFINITY, |until| until.si()),
             );
+            if from < 0.0 {
+                let reason = format!("{from} s is before the start; leave it out for a fault from the start");
+                return Err(refuse("from", reason));
+            }
             if until <= from {
                 return Err(refuse("until", format!("{until} s is not after `from`, {from} s")));
             }
