@@ -77,6 +77,7 @@ impl Law {
                 return Err(ParameterError::new("target", reason));
             }
             (Some(stabilise), Some(target)) => {
+                target.validate()?;
                 let law = stabilise.law_parameters(parameters.allocation.as_ref());
                 let law = StabilisingLaw::new(model(Some(payload(target)))?, model(None)?, law).map_err(|error| {
                     let inner = scenario_error(&error);

@@ -47,6 +47,7 @@ impl Guidance {
     /// # Errors
     /// Names the rejected parameter.
     pub fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
+        parameters.target.validate()?;
         let navigation = match &parameters.navigation {
             None => None,
             Some(navigation) => {

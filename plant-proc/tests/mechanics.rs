@@ -146,6 +146,9 @@ fn invalid_parameters_are_rejected_with_key_and_remedy() {
         let error = plant_proc::factory(&setup).err().unwrap();
         (error.key, error.reason)
     };
+    let target = |mass: &str, inertia: &str| {
+        format!("target = {{ mass = '{mass}', inertia = '{inertia}', grasp = {{ position = '[0, 0, -0.6] m' }} }}")
+    };
     for (plant, key, part) in [
         ("starts = 1", "starts", "unknown field"),
         (
@@ -226,10 +229,32 @@ fn invalid_parameters_are_rejected_with_key_and_remedy() {
             "multiple",
         ),
         ("urdf = 'x'", "urdf", ""),
+        (&target("-1 kg", "9 kg m^2"), "target.mass", "-1 kg is not above zero"),
+        (&target("0 kg", "9 kg m^2"), "target.mass", "0 kg is not above zero"),
+        (
+            &target("9 kg", "[9, -9, 9] kg m^2"),
+            "target.inertia",
+            "-9 kg m^2 about y",
+        ),
+        (
+            &target("9 kg", "[9, 1, 1] kg m^2"),
+            "target.inertia",
+            "triangle inequality",
+        ),
     ] {
         let (found, reason) = refuse(plant);
         assert_eq!(found, key, "{reason}");
         assert!(reason.contains(part), "{plant}: {reason}");
+    }
+}
+
+#[test]
+fn target_without_mass_is_refused_by_all_that_know_it() {
+    for name in ["plant", "controller", "guidance"] {
+        let mut scenario = load("capture-and-stabilise");
+        scenario["participants"][name]["parameters"]["target"]["mass"] = "-1 kg".into();
+        let error = common::try_make(&scenario, name).err().unwrap();
+        assert_eq!(error.key, "target.mass", "{name}: {error}");
     }
 }
 

@@ -81,6 +81,7 @@ impl Model {
         let end_effector = tree
             .frame(&servicer.arm.end_effector)
             .map_err(|error| refuse("servicer.arm.end_effector", &error))?;
+        target.validate()?;
         let target_inertia = Inertia {
             mass: target.mass.si(),
             com: Vector3::zeros(),
