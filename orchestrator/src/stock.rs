@@ -26,6 +26,7 @@ pub fn contents(catalogue: Catalogue) -> Catalogue {
         .participant("spring", spring::make)
         .assessment("capture", capture::assessment::from_table)
         .warning(capture::provenance::warnings)
+        .warning(capture::late_events::warnings)
         .finding(capture::velocity_loop::findings)
         .view(capture::report_view::view)
         .failures(capture::actuators::single_failure_cases)

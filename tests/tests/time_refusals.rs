@@ -74,6 +74,17 @@ fn fault_and_offset_after_the_end_are_warned_of() {
     for part in ["warning", "faults.late.at", "12 s", "end at 5 s"] {
         assert!(behind.err.contains(part), "`{part}` is not in {behind:?}");
     }
+    let failure = "participants.plant.parameters.faults=[{actuator=\"wheel.x\",effect=\"off\",from=\"35 s\"}]";
+    let gripper = "participants.plant.parameters.after_grasp={at=\"40 s\"}";
+    let of_plant = check(&["--set", failure, "--set", gripper]);
+    assert_eq!(of_plant.code, Some(0), "{of_plant:?}");
+    for part in [
+        "faults[0].from: 35 s is not",
+        "after_grasp.at: 40 s is not",
+        "end at 35 s",
+    ] {
+        assert!(of_plant.err.contains(part), "`{part}` is not in {of_plant:?}");
+    }
     let offset = check(&["--set", "participants.guidance.offset=35s"]);
     assert_eq!(offset.code, Some(0), "{offset:?}");
     for part in ["warning", "participants.guidance.offset", "35 s", "never activated"] {

@@ -2,6 +2,7 @@
 //!
 //! - [`assessment`]: its figures of merit and criteria, under the name `capture`;
 //! - [`actuators`]: campaign cases with every single failure of an actuator of the stock plant;
+//! - [`late_events`]: warnings about failures and a grasp after the end of a run;
 //! - [`provenance`]: checks of gains against the robot and the period that they are used with;
 //! - [`velocity_loop`]: stability of gains with the delays of a scenario, along its path;
 //! - [`closed_loop`]: closed-loop verification of tuned gains in the simulator;
@@ -10,6 +11,7 @@
 pub mod actuators;
 pub mod assessment;
 pub mod closed_loop;
+pub mod late_events;
 pub mod provenance;
 pub mod report_view;
 pub mod velocity_loop;
