@@ -19,8 +19,24 @@ use std::path::{Path, PathBuf};
 
 use crate::refusal::Refusal;
 
+/// The keys of a state.
+const STATE_KEYS: [&str; 5] = ["p", "quat_wxyz", "qj", "v", "tau"];
+
+/// The format of the states, for the help text.
+const STATES_HELP: &str = "\
+STATES.json is one state, a list of states, or an object with such a list under `states`, SI units:
+  {\"qj\": [0.1, -0.2], \"v\": [0, 0, 0, 0, 0, 0, 0, 0]}
+
+  qj         positions of the N joints, in the order of the tree; required
+  v          velocities: angular and linear of the base in its own axes, then the N joints'; N numbers alone for
+             a fixed base; required
+  tau        generalised forces, as many as v; zero by default
+  p          position of the base in the world; zero by default
+  quat_wxyz  attitude of the base, a unit quaternion, scalar first; aligned with the world by default";
+
 /// Arguments of `model`.
 #[derive(Debug, Args)]
+#[command(after_help = STATES_HELP)]
 pub struct ModelArgs {
     /// The model, a URDF file
     pub model: PathBuf,
@@ -161,6 +177,7 @@ fn evaluate(description: &Description, file: &Value) -> Result<Value> {
             entry
         };
         let place = || format!("state {i}");
+        check_keys(state).with_context(place)?;
         let v = numbers(state, "v", None).with_context(place)?;
         let floating = match v.len() {
             n if n == dof + 6 => true,
@@ -191,6 +208,18 @@ fn evaluate(description: &Description, file: &Value) -> Result<Value> {
         description.name
     );
     Ok(json!({ "about": about, "states": results }))
+}
+
+/// Rejects anything that is no key of a state: a misspelt one would leave its value at the default.
+fn check_keys(state: &Value) -> Result<()> {
+    let known = STATE_KEYS.map(|key| format!("`{key}`")).join(", ");
+    let Some(state) = state.as_object() else {
+        bail!("`{state}` is not a state; a state is an object with the keys {known}");
+    };
+    match state.keys().find(|key| !STATE_KEYS.contains(&key.as_str())) {
+        Some(key) => bail!("`{key}` is not a key of a state; the keys are {known}"),
+        None => Ok(()),
+    }
 }
 
 fn read_state(state: &Value, dof: usize, nu: Vec<f64>) -> Result<DynState> {
@@ -312,12 +341,39 @@ mod tests {
         // the sum of the links' masses, each rounded
         assert!((first["M"][3][3].as_f64().unwrap() - 450.2).abs() < 1e-12);
         assert_eq!(first["end_effector"], first["frames"]["end_effector"]);
-        let short = json!({"qj": vec![0; 9], "v": vec![0; 4]});
-        assert!(
-            evaluate(&d, &short)
-                .unwrap_err()
-                .to_string()
-                .contains("`v` has 4 numbers")
-        );
+    }
+
+    #[test]
+    fn state_with_an_unknown_key_or_a_wrong_length_is_refused() {
+        let d = Description::from_urdf(URDF).unwrap();
+        let good = || json!({"qj": vec![0; 9], "v": vec![0; 15]});
+        let refused = |key: &str, value: Value| {
+            let mut state = good();
+            state[key] = value;
+            // the same as an entry of a list, beside results that are ignored
+            let wrapped = json!({"states": [{"state": good(), "M": 1}, {"state": state.clone(), "M": 1}]});
+            let error = format!("{:#}", evaluate(&d, &wrapped).unwrap_err());
+            assert!(error.starts_with("state 1: "), "{error}");
+            format!("{:#}", evaluate(&d, &state).unwrap_err())
+        };
+        for (key, value, part) in [
+            ("taw", json!(vec![0; 15]), "`taw` is not a key of a state"),
+            ("quat", json!([1, 0, 0, 0]), "`quat_wxyz`"),
+            ("v", json!(vec![0; 4]), "`v` has 4 numbers"),
+            ("qj", json!(vec![0; 8]), "`qj` has 8 numbers, it must have 9"),
+            ("tau", json!(vec![0; 9]), "`tau` has 9 numbers, it must have 15"),
+            ("p", json!([0, 0]), "`p` has 2 numbers, it must have 3"),
+            (
+                "quat_wxyz",
+                json!([1, 0, 0]),
+                "`quat_wxyz` has 3 numbers, it must have 4",
+            ),
+            ("tau", json!(1), "`tau` is missing or not a list"),
+        ] {
+            let error = refused(key, value);
+            assert!(error.contains(part), "{key}: {error}");
+        }
+        let error = evaluate(&d, &json!([7])).unwrap_err();
+        assert!(format!("{error:#}").contains("`7` is not a state"), "{error:#}");
     }
 }
