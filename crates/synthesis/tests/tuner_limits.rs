@@ -162,6 +162,20 @@ fn zero_norm_is_reported_as_nothing_to_minimise() {
     }
 }
 
+/// z = x + 0.3 u is zero for u = -x / 0.3, and for no other gain.
+#[test]
+fn gains_that_cancel_the_disturbance_attain_zero() {
+    let json = r#"{"A":[[0,1],[2,-0.4]],"B1":[[0],[1]],"B":[[0],[1]],"C1":[[1,0]],"C":[[1,0],[0,1]],"D12":[[0.3]]}"#;
+    let (_, t) = tuned(&plant(json), 8);
+    assert!(t.evaluation.gamma < 1e-6, "{}", t.evaluation.gamma);
+    assert_eq!(t.verdict, Verdict::Attained, "{}", t.verdict);
+    assert!(
+        (t.controllers[0][(0, 0)] + 1.0 / 0.3).abs() < 1e-4,
+        "{:?}",
+        t.controllers
+    );
+}
+
 /// Infima with a pole on the axis: a one-state plant with gamma = |k| for k < −1, and a double integrator with unweighted
 /// position.
 #[test]

@@ -31,7 +31,7 @@ pub enum Verdict {
         /// The pole of the closed loop.
         pole: c64,
     },
-    /// No channel passes anything from w to z: there was nothing to minimise.
+    /// No channel passes anything from w to z, with these gains or others: there was nothing to minimise.
     NothingToMinimise,
 }
 
@@ -75,7 +75,12 @@ impl Verdict {
         value: &ObjectiveValue,
     ) -> Result<Self, LinalgError> {
         if value.gamma == 0.0 {
-            return Ok(Self::NothingToMinimise);
+            // Gains that cancel every path from w to z attain the least gamma there is.
+            return Ok(if cancels(checked, options, x)? {
+                Self::Attained
+            } else {
+                Self::NothingToMinimise
+            });
         }
         let blocks = checked.blocks(x);
         if diverges(checked, options, x)? {
@@ -105,6 +110,29 @@ impl Verdict {
         }
         Ok(Self::Attained)
     }
+}
+
+/// Whether gamma is zero because of the gains at `x`, and not whatever they are: it is above zero for gains nearby that stabilise
+/// too. Zeros of the structure stay exactly zero when the gains change.
+fn cancels(checked: &ValidatedProblem, options: &Options, x: &[f64]) -> Result<bool, LinalgError> {
+    /// Steps relative to the largest gain; the larger ones may not stabilise, and the effect of the smaller ones may be lost.
+    const STEPS: [f64; 4] = [1e-1, 1e-2, 1e-4, 1e-6];
+    let size = x.iter().fold(0.0, |size: f64, gain| size.max(gain.abs()));
+    let size = if size > 0.0 { size } else { 1.0 };
+    let mut objective = Objective::new(checked, 1e-7, options.threads);
+    for step in STEPS {
+        for index in 0..x.len() {
+            for sign in [1.0, -1.0] {
+                let mut near = x.to_vec();
+                near[index] += sign * step * size;
+                let (value, _) = objective.loop_norms(&near, f64::INFINITY)?;
+                if value.gamma > 0.0 && value.gamma.is_finite() {
+                    return Ok(true);
+                }
+            }
+        }
+    }
+    Ok(false)
 }
 
 /// Whether the gains at `x` are limited by the growth penalty alone: at a hundred times the penalty less than half of them does as
