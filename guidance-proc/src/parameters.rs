@@ -224,7 +224,20 @@ impl Parameters {
 
 /// Maps a law's parameter error to the scenario's key.
 pub fn scenario_error(error: &LawError) -> ParameterError {
-    let key = match error.field {
+    // prose has no such names in it
+    let remedy: Vec<&str> = error.remedy.split(' ').map(scenario_key).collect();
+    let unit = if error.field.ends_with("_s") && error.value.parse::<f64>().is_ok() {
+        " s"
+    } else {
+        ""
+    };
+    let reason = format!("{}{unit} {}", error.value.trim_end_matches(".0"), remedy.join(" "));
+    ParameterError::new(scenario_key(error.field), reason)
+}
+
+/// The scenario's key of a law's field.
+fn scenario_key(field: &str) -> &str {
+    match field {
         "schedule.start_s" => "schedule.start",
         "schedule.point_s" => "schedule.point",
         "schedule.grasp_s" => "schedule.grasp",
@@ -237,6 +250,5 @@ pub fn scenario_error(error: &LawError) -> ParameterError {
         "acceleration_density" => "navigation.acceleration",
         "gate" => "navigation.gate",
         other => other,
-    };
-    ParameterError::new(key, format!("{} {}", error.value, error.remedy))
+    }
 }

@@ -249,6 +249,36 @@ fn invalid_parameters_are_rejected_with_key_and_remedy() {
 }
 
 #[test]
+fn laws_refuse_in_the_names_and_units_of_the_scenario() {
+    for (name, parameters, key, reason) in [
+        (
+            "guidance",
+            "schedule = { start = '1 s', point = '20 s', grasp = '5 s' }",
+            "schedule.grasp",
+            "5 s must not be before schedule.point",
+        ),
+        (
+            "controller",
+            "outer = { weights = { near = '5 m', far = '1 m' } }",
+            "outer.weights.far",
+            "1 m must be larger than outer.weights.near",
+        ),
+        (
+            "controller",
+            "avoidance = { margin = '400 deg' }",
+            "avoidance.margin",
+            "400 deg must be less than half of each joint's range, from avoidance.lower to avoidance.upper",
+        ),
+    ] {
+        let mut scenario = load("close");
+        let own = scenario["participants"][name]["parameters"].as_table_mut().unwrap();
+        own.extend(toml::from_str::<Table>(parameters).unwrap());
+        let error = common::try_make(&scenario, name).err().unwrap();
+        assert_eq!((error.key.as_str(), error.reason.as_str()), (key, reason));
+    }
+}
+
+#[test]
 fn target_without_mass_is_refused_by_all_that_know_it() {
     for name in ["plant", "controller", "guidance"] {
         let mut scenario = load("capture-and-stabilise");

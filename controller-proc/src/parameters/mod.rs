@@ -4,6 +4,7 @@ mod channels;
 mod extensions;
 mod gains;
 mod model;
+mod refusal;
 
 use control_laws::filter::FilterParameters;
 use control_laws::inner::{Bound, Discretisation, FeedbackLaw};
@@ -23,6 +24,7 @@ pub use channels::channels;
 pub use extensions::{Allocation, Avoidance, Stabilise, payload};
 pub use gains::GainsFile;
 pub use model::{Model, build_control_model};
+pub use refusal::scenario_error;
 
 /// `participants.NAME.parameters` of a controller.
 #[derive(Debug, Clone, Deserialize)]
@@ -427,34 +429,4 @@ impl Parameters {
             allocation: self.allocation.as_ref().map(Allocation::law_parameters),
         })
     }
-}
-
-/// Maps a law's parameter error to the scenario's key. Field names of the laws end in their units; in the scenario the unit
-/// is written with the value instead.
-pub fn scenario_error(error: &control_laws::ParameterError) -> ParameterError {
-    let key = match error.field {
-        "outer.attitude.hysteresis" => "outer.hysteresis",
-        "outer.weights.arm" => "outer.weights.arm_fixed",
-        "outer.weights.arm.near_m" => "outer.weights.near",
-        "outer.weights.arm.far_m" => "outer.weights.far",
-        "outer.weights.arm.near_weight" => "outer.weights.near_weight",
-        "outer.weights.arm.far_weight" => "outer.weights.far_weight",
-        "filter.frequency_rad_s" => "filter.frequency",
-        "inner.kp" => "gains.kp",
-        "inner.ki" => "gains.ki",
-        "inner.bound" => "inner",
-        "base_position_gain" => "reference.base_position_gain",
-        "least_squares_damping" => "reference.least_squares_damping",
-        "attitude_gain" => "outer.attitude_gain",
-        "position_gain" => "outer.position_gain",
-        other => other
-            .trim_end_matches("_rad_s")
-            .trim_end_matches("_rad")
-            .trim_end_matches("_nms")
-            .trim_end_matches("_nm")
-            .trim_end_matches("_1_s")
-            .trim_end_matches("_n")
-            .trim_end_matches("_m"),
-    };
-    ParameterError::new(key, format!("{} {}", error.value, error.remedy))
 }

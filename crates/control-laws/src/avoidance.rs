@@ -41,9 +41,19 @@ impl AvoidanceParameters {
         ParameterError::positive("avoidance.rate_rad_s", self.rate_rad_s)?;
         ParameterError::finite("avoidance.lower_rad", &self.lower_rad)?;
         ParameterError::finite("avoidance.upper_rad", &self.upper_rad)?;
-        for (lower, upper) in self.lower_rad.iter().zip(&self.upper_rad) {
+        let ranges = self.lower_rad.iter().zip(&self.upper_rad);
+        if ranges
+            .clone()
+            .all(|(lower, upper)| upper > lower && upper - lower <= 2.0 * self.margin_rad)
+        {
+            // the ranges are hardly all wrong
+            let remedy =
+                "must be less than half of each joint's range, from avoidance.lower_rad to avoidance.upper_rad";
+            return Err(ParameterError::new("avoidance.margin_rad", self.margin_rad, remedy));
+        }
+        for (lower, upper) in ranges {
             if upper - lower <= 2.0 * self.margin_rad {
-                let remedy = "must be above avoidance.lower_rad by more than two margins";
+                let remedy = "must be above avoidance.lower_rad by more than twice avoidance.margin_rad";
                 return Err(ParameterError::new("avoidance.upper_rad", upper, remedy));
             }
         }
@@ -147,6 +157,9 @@ mod tests {
         let mut narrow = parameters();
         narrow.upper_rad[2] = -1.3;
         assert_eq!(narrow.validate().unwrap_err().field, "avoidance.upper_rad");
+        let mut wide = parameters();
+        wide.margin_rad = 2.0;
+        assert_eq!(wide.validate().unwrap_err().field, "avoidance.margin_rad");
         let mut elbow = parameters();
         elbow.elbow.as_mut().unwrap().joint = 7;
         assert_eq!(elbow.validate().unwrap_err().field, "avoidance.elbow.joint");
