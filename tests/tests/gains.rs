@@ -130,6 +130,47 @@ fn tune_warns_where_no_gain_is_optimal() {
 }
 
 #[test]
+fn tune_of_matrices_refuses_options_of_a_robot() {
+    let folder = Folder::new("tune-matrices");
+    let file = folder.write(
+        "plant.json",
+        r#"{"A":[[0,1],[2,-0.4]],"B1":[[0],[1]],"B":[[0],[1]],"C1":[[1,0]],"C":[[1,0],[0,1]],"D12":[[0.3]]}"#,
+    );
+    let plots = folder.path().join("plots");
+    for option in [
+        &["--plots", text(&plots)][..],
+        &["--at", "run:1 s"],
+        &["--table"],
+        &["--no-margins"],
+        &["--no-closed-loop"],
+        &["--allow-unphysical"],
+    ] {
+        let output = run_orchestrator(&[&["tune", text(&file)], option].concat());
+        assert_eq!(output.code, Some(2), "{output:?}");
+        for part in [option[0], "plant.json", "specification"] {
+            assert!(output.err.contains(part), "`{part}` is not in {output:?}");
+        }
+    }
+    assert!(!plots.exists());
+    // Nor can the result, gains without provenance or a specification be verified.
+    let out = folder.path().join("gains.json");
+    let output = run_orchestrator(&["tune", text(&file), "--starts", "2", "--out", text(&out)]);
+    assert_eq!(output.code, Some(0), "zero is attained: {output:?}");
+    for (file, part) in [
+        (&out, "this is JSON"),
+        (&root().join("gains/start.toml"), "no table `provenance`"),
+        (&root().join("gains/p-diagonal.spec.toml"), "this is a specification"),
+    ] {
+        let output = run_orchestrator(&["margins", text(file)]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(
+            output.err.contains(part) && output.err.contains("only gains that `escapement tune` wrote"),
+            "{output:?}"
+        );
+    }
+}
+
+#[test]
 fn tune_names_the_line_of_a_wrong_key() {
     let plant = "{\"A\": [[-1]],\n\"B1\": [[1]],\n\"B\": [[1]],\n\"C1\": [[1]],\n\"C\": [[1]]";
     for (extra, expected) in [

@@ -122,7 +122,7 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
 
 /// Reads the gains, their specification and the robot.
 fn read(args: &MarginsArgs) -> anyhow::Result<Loaded> {
-    let mut file: GainsFile = toml::from_str(&std::fs::read_to_string(&args.gains)?)?;
+    let mut file = gains_file(&std::fs::read_to_string(&args.gains)?)?;
     let path = args
         .spec
         .clone()
@@ -168,6 +168,26 @@ fn read(args: &MarginsArgs) -> anyhow::Result<Loaded> {
         robot,
         gains,
     })
+}
+
+/// Reads a file of gains with their provenance: without it there is no specification to verify them against.
+fn gains_file(text: &str) -> anyhow::Result<GainsFile> {
+    let remedy = "only gains that `escapement tune` wrote for a specification (.spec.toml) can be verified: they say what they were \
+                  tuned for";
+    if serde_json::from_str::<serde_json::Value>(text).is_ok() {
+        anyhow::bail!("this is JSON, such as the result for a plant of matrices; {remedy}");
+    }
+    let table: toml::Table = toml::from_str(text)?;
+    if !table.contains_key("provenance") {
+        let what = if table.contains_key("weights") || table.contains_key("models") {
+            "this is a specification"
+        } else {
+            "these gains have no table `provenance`"
+        };
+        anyhow::bail!("{what}; {remedy}");
+    }
+    // from the text, so that a mistake has its line
+    Ok(toml::from_str(text)?)
 }
 
 /// Recomputes all claims of a file of gains.

@@ -53,6 +53,21 @@ pub struct TuneArgs {
     pub json: bool,
 }
 
+impl TuneArgs {
+    /// The first option given that applies to the specification of a robot alone.
+    pub fn option_of_robot(&self) -> Option<&'static str> {
+        let given = [
+            ("--at", !self.at.is_empty()),
+            ("--plots", self.plots.is_some()),
+            ("--allow-unphysical", self.allow_unphysical),
+            ("--no-margins", self.no_margins),
+            ("--no-closed-loop", self.no_closed_loop),
+            ("--table", self.table),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+}
+
 /// The exit code for a tuner that returned no gains.
 pub fn failure(error: &TuneError) -> i32 {
     match error {

@@ -117,11 +117,15 @@ fn print(tuned: &Tuned, peak: f64, starts: &[String]) -> anyhow::Result<()> {
         tuned.evaluation.gamma
     )?;
     writeln!(out, "spectral abscissa  {:.6e}", tuned.evaluation.abscissa)?;
-    writeln!(
-        out,
-        "certificate        {:.2e} (least convex combination of {} gradients of ln gamma within {:.0e}; the steepest is {:.2e})",
-        tuned.certificate.length, tuned.certificate.gradients, tuned.certificate.radius, tuned.certificate.steepest
-    )?;
+    if tuned.certificate.gradients == 0 {
+        writeln!(out, "certificate        none: ln gamma has no gradient here")?;
+    } else {
+        writeln!(
+            out,
+            "certificate        {:.2e} (least convex combination of {} gradients of ln gamma within {:.0e}; the steepest is {:.2e})",
+            tuned.certificate.length, tuned.certificate.gradients, tuned.certificate.radius, tuned.certificate.steepest
+        )?;
+    }
     writeln!(
         out,
         "starts             {}{}",

@@ -17,6 +17,15 @@ use robot::tune_robot;
 
 /// Tunes, verifies, writes; returns the exit code.
 pub fn run(args: &TuneArgs) -> anyhow::Result<i32> {
+    let is_matrices = args.spec.extension().is_some_and(|e| e == "json");
+    if let Some(option) = args.option_of_robot().filter(|_| is_matrices) {
+        eprintln!(
+            "error: {option}: {} is a plant of matrices, which has no robot: the option is for a specification (.spec.toml) \
+             alone; leave it out",
+            args.spec.display()
+        );
+        return Ok(arguments::REFUSED);
+    }
     for (option, path) in [
         ("--out", &args.out),
         ("--export-problem", &args.export_problem),
@@ -35,7 +44,7 @@ pub fn run(args: &TuneArgs) -> anyhow::Result<i32> {
     // The order of these two lines ensures that the second Ctrl-C finds the flag set and ends the program.
     signal_hook::flag::register_conditional_shutdown(signal_hook::consts::SIGINT, 130, Arc::clone(&stop))?;
     signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::clone(&stop))?;
-    if args.spec.extension().is_some_and(|e| e == "json") {
+    if is_matrices {
         tune_matrices(args, &text, &stop)
     } else {
         tune_robot(args, &text, &stop)
