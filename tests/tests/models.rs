@@ -63,6 +63,20 @@ fn model_command_reports_all_errors_or_accepts_them() {
 }
 
 #[test]
+fn misspelt_key_of_a_state_is_refused() {
+    let folder = Folder::new("models");
+    let model = folder.write("bench.urdf", &robot(&arm("ixx=\"1\" iyy=\"1\" izz=\"1\"", "")));
+    let evaluate = |state: &str| run_orchestrator(&["model", text(&model), text(&folder.write("state.json", state))]);
+    let good = evaluate(r#"{"qj": [0.1], "v": [0.2], "tau": [3]}"#);
+    assert_eq!(good.code, Some(0), "{good:?}");
+    let misspelt = evaluate(r#"{"qj": [0.1], "v": [0.2], "taw": [3]}"#);
+    assert_eq!(misspelt.code, Some(2), "{misspelt:?}");
+    for part in ["state.json", "state 0", "`taw`", "`tau`"] {
+        assert!(misspelt.err.contains(part), "`{part}` is not in {misspelt:?}");
+    }
+}
+
+#[test]
 fn unexpanded_macro_is_refused_and_not_a_robot_without_arm() {
     let folder = Folder::new("models");
     let file = folder.write("bench.urdf", &robot("<xacro:arm prefix=\"left\"/>"));

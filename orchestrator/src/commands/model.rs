@@ -24,15 +24,17 @@ const STATE_KEYS: [&str; 5] = ["p", "quat_wxyz", "qj", "v", "tau"];
 
 /// The format of the states, for the help text.
 const STATES_HELP: &str = "\
-STATES.json is one state, a list of states, or an object with such a list under `states`, SI units:
+STATES.json is one state, a list of states, or an object with such a list
+under `states`; SI units and radians. A state of two joints:
+
   {\"qj\": [0.1, -0.2], \"v\": [0, 0, 0, 0, 0, 0, 0, 0]}
 
   qj         positions of the N joints, in the order of the tree; required
-  v          velocities: angular and linear of the base in its own axes, then the N joints'; N numbers alone for
-             a fixed base; required
+  v          angular and linear velocity of the base in its own axes, then
+             the rates of the joints; those alone for a fixed base; required
   tau        generalised forces, as many as v; zero by default
   p          position of the base in the world; zero by default
-  quat_wxyz  attitude of the base, a unit quaternion, scalar first; aligned with the world by default";
+  quat_wxyz  attitude of the base, a unit quaternion, scalar first";
 
 /// Arguments of `model`.
 #[derive(Debug, Args)]
