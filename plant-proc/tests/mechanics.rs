@@ -127,29 +127,36 @@ fn compensating_wheels_hold_their_momentum_limit() {
     }
 }
 
+/// The key and the reason with which a plant refuses these parameters.
+fn refused(plant: &str) -> (String, String) {
+    let scenario = load("close");
+    let mut parameters = scenario["participants"]["plant"]["parameters"]
+        .as_table()
+        .unwrap()
+        .clone();
+    parameters.extend(toml::from_str::<Table>(plant).unwrap());
+    let setup = lockstep::participant::Setup {
+        name: "plant".to_owned(),
+        parameters,
+        seed: 1,
+        period: 0.001,
+        offset: 0.0,
+    };
+    let error = plant_proc::factory(&setup).err().unwrap();
+    (error.key, error.reason)
+}
+
+fn assert_refused(cases: &[(&str, &str, &str)]) {
+    for (plant, key, part) in cases {
+        let (found, reason) = refused(plant);
+        assert_eq!(found, *key, "{reason}");
+        assert!(reason.contains(part), "{plant}: {reason}");
+    }
+}
+
 #[test]
 fn invalid_parameters_are_rejected_with_key_and_remedy() {
-    let refuse = |plant: &str| {
-        let scenario = load("close");
-        let mut parameters = scenario["participants"]["plant"]["parameters"]
-            .as_table()
-            .unwrap()
-            .clone();
-        parameters.extend(toml::from_str::<Table>(plant).unwrap());
-        let setup = lockstep::participant::Setup {
-            name: "plant".to_owned(),
-            parameters,
-            seed: 1,
-            period: 0.001,
-            offset: 0.0,
-        };
-        let error = plant_proc::factory(&setup).err().unwrap();
-        (error.key, error.reason)
-    };
-    let target = |mass: &str, inertia: &str| {
-        format!("target = {{ mass = '{mass}', inertia = '{inertia}', grasp = {{ position = '[0, 0, -0.6] m' }} }}")
-    };
-    for (plant, key, part) in [
+    assert_refused(&[
         ("starts = 1", "starts", "unknown field"),
         (
             "integrator = { method = 'euler' }",
@@ -172,6 +179,36 @@ fn invalid_parameters_are_rejected_with_key_and_remedy() {
             "faults[0].factor",
             "factor = 0.5",
         ),
+        (
+            "actuators = { wheels = { torque = '0.2 N' } }",
+            "actuators.wheels.torque",
+            "a torque",
+        ),
+        (
+            "actuators = { wheels = { torque = '-1 N m' } }",
+            "actuators.wheels.torque",
+            "negative",
+        ),
+        (
+            "sensors = { rate = { drift = '1 deg/s' } }",
+            "sensors.rate.drift_time",
+            "time constant",
+        ),
+        (
+            "sensors = { rate = { period = '1.5 ms' } }",
+            "sensors.rate.period",
+            "multiple",
+        ),
+        ("urdf = 'x'", "urdf", ""),
+    ]);
+}
+
+#[test]
+fn values_out_of_range_are_rejected_with_key_and_remedy() {
+    let target = |mass: &str, inertia: &str| {
+        format!("target = {{ mass = '{mass}', inertia = '{inertia}', grasp = {{ position = '[0, 0, -0.6] m' }} }}")
+    };
+    assert_refused(&[
         (
             "faults = [{ actuator = 'wheel.x', effect = 'weak', factor = -1 }]",
             "faults[0].factor",
@@ -208,27 +245,6 @@ fn invalid_parameters_are_rejected_with_key_and_remedy() {
             "after_grasp.within_angle",
             "0 deg is not above zero",
         ),
-        (
-            "actuators = { wheels = { torque = '0.2 N' } }",
-            "actuators.wheels.torque",
-            "a torque",
-        ),
-        (
-            "actuators = { wheels = { torque = '-1 N m' } }",
-            "actuators.wheels.torque",
-            "negative",
-        ),
-        (
-            "sensors = { rate = { drift = '1 deg/s' } }",
-            "sensors.rate.drift_time",
-            "time constant",
-        ),
-        (
-            "sensors = { rate = { period = '1.5 ms' } }",
-            "sensors.rate.period",
-            "multiple",
-        ),
-        ("urdf = 'x'", "urdf", ""),
         (&target("-1 kg", "9 kg m^2"), "target.mass", "-1 kg is not above zero"),
         (&target("0 kg", "9 kg m^2"), "target.mass", "0 kg is not above zero"),
         (
@@ -241,11 +257,7 @@ fn invalid_parameters_are_rejected_with_key_and_remedy() {
             "target.inertia",
             "triangle inequality",
         ),
-    ] {
-        let (found, reason) = refuse(plant);
-        assert_eq!(found, key, "{reason}");
-        assert!(reason.contains(part), "{plant}: {reason}");
-    }
+    ]);
 }
 
 #[test]
