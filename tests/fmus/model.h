@@ -1,6 +1,7 @@
 /* The model of the test FMUs, for each version of the standard: a mass on a spring, or a damper (DAMPER). FAULT selects the
  * fault that occurs from t = 0.5 s on. */
 #include <math.h>
+#include <pthread.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,14 +15,27 @@ typedef struct {
     char marker[256];
 } Model;
 
-enum { NO_FAULT, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LEAVES_FILE, NONDETERMINISTIC, CRASH_ONCE, WARN, UNSAVED, PRINT };
+enum { NO_FAULT, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LEAVES_FILE, NONDETERMINISTIC, CRASH_ONCE, WARN, UNSAVED, PRINT, THREAD, JOINED_THREAD };
 
 #ifndef FAULT
 #define FAULT NO_FAULT
 #endif
 
+/* A thread of the FMU that executes its code again and again. */
+static volatile int wanted = 1;
+static void *work(void *m) {
+    (void)m;
+    while (wanted) usleep(1000);
+    return NULL;
+}
+
 static void start(Model *m) {
+    pthread_t thread;
     memset(m, 0, sizeof *m);
+    if (FAULT == THREAD || FAULT == JOINED_THREAD) {
+        pthread_create(&thread, NULL, work, m);
+        if (FAULT == JOINED_THREAD) { wanted = 0; pthread_join(thread, NULL); }
+    }
 #ifdef DAMPER
     m->value[3] = 0.5;
 #else

@@ -51,7 +51,9 @@ impl TestFmu {
         compiler.args(self.damper.then_some("-DDAMPER"));
         compiler.args(self.state.then_some("-DSTATE"));
         compiler.args(self.sizes.map(|(_, size)| format!("-DSIZE={size}")));
-        compiler.arg(root().join("tests/fmus").join(source)).arg("-lm");
+        compiler
+            .arg(root().join("tests/fmus").join(source))
+            .args(["-lm", "-pthread"]);
         let output = compiler.output().expect("a C compiler can be started");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let code = std::fs::read(&library).expect("the compiler has written it");

@@ -90,6 +90,33 @@ fn exit_in_the_program_is_a_failure_that_names_the_fmu() {
 }
 
 #[test]
+fn thread_that_outlives_its_instance_does_not_end_the_program() {
+    for version in [2, 3] {
+        let folder = Folder::new("thread");
+        let file = TestFmu {
+            fault: "THREAD",
+            ..TestFmu::new(version)
+        }
+        .build(&folder, "threads");
+        // Two points in a process: the thread of the first one has time to fail.
+        run(&folder, &file, "run.ports.inputs = []", &["--in-process"]);
+        let (scenario, out) = (folder.path().join("bad.toml"), folder.path().join("campaign"));
+        let vary = "participants.it.parameters.mass=1 kg,2 kg,3 kg,4 kg,5 kg,6 kg,7 kg,8 kg";
+        let output = run_orchestrator(&[
+            "sweep",
+            text(&scenario),
+            "--vary",
+            vary,
+            "--out",
+            text(&out),
+            "--jobs",
+            "1",
+        ]);
+        assert_eq!(output.code, Some(0), "{output:?}");
+    }
+}
+
+#[test]
 fn next_run_removes_unpacked_fmu_of_a_dead_process() {
     let folder = Folder::new("unpacked");
     let file = TestFmu {

@@ -54,18 +54,23 @@ fn resource_usage() -> (usize, usize, usize, usize) {
 #[test]
 fn thousand_instances_leave_nothing_behind() {
     let folder = Folder::new("instances");
-    // One that can save its state, and one that is restored by a restart.
-    for (version, state) in [(2, true), (3, false)] {
+    // One that can save its state, and one that is restored by a restart; with a thread that each instance ends before it ends itself.
+    for (version, state, fault) in [
+        (2, true, "NO_FAULT"),
+        (3, false, "NO_FAULT"),
+        (2, true, "JOINED_THREAD"),
+    ] {
         let recipe = TestFmu {
             state,
+            fault,
             ..TestFmu::new(version)
         };
-        let file = recipe.build(&folder, &format!("spring-{version}"));
+        let file = recipe.build(&folder, &format!("spring-{version}-{fault}"));
         (0..FIRST).for_each(|number| use_instance(&file, number));
         let before = resource_usage();
         (0..MANY).for_each(|number| use_instance(&file, number));
         let after = resource_usage();
-        let shown = format!("FMI {version}, state functions: {state}: {before:?}, then {after:?}");
+        let shown = format!("FMI {version}, {fault}, state functions: {state}: {before:?}, then {after:?}");
         assert!(after.0 <= before.0 + SLACK, "bytes of the heap: {shown}");
         // 16 MiB of 4 KiB pages: a library that stays loaded takes 5 of them.
         assert!(after.1 <= before.1 + 4096, "pages: {shown}");

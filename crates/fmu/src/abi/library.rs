@@ -1,10 +1,13 @@
 //! Shared libraries.
 
+use std::collections::BTreeSet;
 use std::ffi::{CStr, CString, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use exit_guard::Guard;
+
+use super::threads;
 
 /// Why an instance cannot be created.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +35,8 @@ pub enum LoadError {
 /// A loaded library.
 pub(super) struct Library {
     handle: *mut c_void,
+    /// The threads that were alive before it was loaded.
+    threads: Option<BTreeSet<u64>>,
     /// For the code that the library executes when it is unloaded.
     guard: Option<Guard>,
 }
@@ -71,6 +76,7 @@ fn load_python() -> bool {
 impl Library {
     pub(super) fn load(path: &Path, guard: Option<Guard>) -> Result<Library, LoadError> {
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|_| LoadError::Path(path.to_owned()))?;
+        let threads = threads::alive();
         let mut handle = open(&name, libc::RTLD_LOCAL);
         if handle.is_null() {
             let reason = last_error();
@@ -86,7 +92,7 @@ impl Library {
         if handle.is_null() {
             return Err(LoadError::Load(last_error()));
         }
-        Ok(Library { handle, guard })
+        Ok(Library { handle, threads, guard })
     }
 
     /// The address of a function.
@@ -104,6 +110,12 @@ impl Library {
 
 impl Drop for Library {
     fn drop(&mut self) {
+        // A thread that the FMU has started and not ended, such as one of a pool that waits for work, would go on in code that is not there
+        // any more. Whose threads they are cannot be told, so any new one keeps the library. Without new threads it is unloaded: a campaign
+        // loads thousands.
+        if threads::any_started_since(self.threads.as_ref()) {
+            return;
+        }
         // SAFETY: the handle is that of dlopen; nothing of the library is used afterwards.
         let close = || unsafe { libc::dlclose(self.handle) };
         match &self.guard {

@@ -9,6 +9,7 @@ mod guarded;
 mod interface;
 mod library;
 mod log;
+mod threads;
 
 #[cfg(test)]
 pub use interface::Stepped;
