@@ -1,5 +1,6 @@
 /* The model of the test FMUs, for each version of the standard: a mass on a spring, or a damper (DAMPER). FAULT selects the
  * fault that occurs from t = 0.5 s on. */
+#include <fenv.h>
 #include <math.h>
 #include <pthread.h>
 #include <stddef.h>
@@ -15,7 +16,7 @@ typedef struct {
     char marker[256];
 } Model;
 
-enum { NO_FAULT, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LEAVES_FILE, NONDETERMINISTIC, CRASH_ONCE, WARN, UNSAVED, PRINT, THREAD, JOINED_THREAD };
+enum { NO_FAULT, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LEAVES_FILE, NONDETERMINISTIC, CRASH_ONCE, WARN, UNSAVED, PRINT, THREAD, JOINED_THREAD, ROUNDS_UP };
 
 #ifndef FAULT
 #define FAULT NO_FAULT
@@ -45,6 +46,11 @@ static void start(Model *m) {
 #endif
 }
 
+/* As an object that is compiled with -ffast-math: it sets floating-point modes when it is loaded. */
+__attribute__((constructor)) static void load(void) {
+    if (FAULT == ROUNDS_UP) fesetround(FE_UPWARD);
+}
+
 /* The status of the step. */
 static int step(Model *m, double t, double h) {
     double *x = m->value;
@@ -56,6 +62,7 @@ static int step(Model *m, double t, double h) {
     x[2] += h * x[5];
     x[1] += h * x[2];
 #endif
+    if (FAULT == ROUNDS_UP) fesetround(t < 0.5 ? FE_UPWARD : FE_DOWNWARD);
     if (t < 0.5) return 0;
     switch (FAULT) {
     case SEGFAULT: *(volatile int *)8 = 1; break;

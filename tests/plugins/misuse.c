@@ -1,6 +1,7 @@
 /* A participant with one fault, which MISUSE selects. Otherwise it counts. */
 #include <escapement.h>
 
+#include <fenv.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -8,6 +9,12 @@
 
 typedef struct { double value; uint64_t count; } Count;
 ESCAPEMENT_MESSAGE(Count, ESCAPEMENT_FIELD(Count, value, "1", ""), ESCAPEMENT_FIELD(Count, count, "1", ""));
+
+/* As an object that is compiled with -ffast-math: it sets floating-point modes when it is loaded. */
+__attribute__((constructor)) static void load(void) {
+    if (strcmp(MISUSE, "rounds-up") == 0)
+        fesetround(FE_UPWARD);
+}
 
 static escapement_status describe(const escapement_host *host, void **own) {
     (void)own;
@@ -37,6 +44,7 @@ static escapement_status step(const escapement_host *host, void *own, const esca
                               void *const *outputs) {
     Count *count = own, *output = outputs[0], *input = (Count *)(uintptr_t)inputs[0];
     count->count += 1;
+    count->value += 0.1;
     *output = *count;
     if (strcmp(MISUSE, "unseen") == 0 && (escapement_is_seen(host, 0) || escapement_is_ever_seen(host, 0)))
         return escapement_fail(host, "the count is seen");

@@ -117,6 +117,28 @@ fn thread_that_outlives_its_instance_does_not_end_the_program() {
 }
 
 #[test]
+fn floating_point_modes_of_an_fmu_are_its_own() {
+    for version in [2, 3] {
+        let folder = Folder::new("modes");
+        let bad = TestFmu {
+            fault: "ROUNDS_UP",
+            ..TestFmu::new(version)
+        };
+        let (bad, good) = (bad.build(&folder, "bad"), TestFmu::new(version).build(&folder, "good"));
+        let keys = format!(
+            "run.ports.inputs = []\n[participants.other]\nperiod = \"1 ms\"\nrun.fmu = \"{}\"\nrun.ports.inputs = []",
+            text(&good)
+        );
+        let digest = |more: &[&str]| {
+            let output = run(&folder, &bad, &keys, &[more, &["--json"]].concat());
+            assert_eq!(output.code, Some(0), "{output:?}");
+            output.json()["tape_digest"].as_str().expect("a digest").to_owned()
+        };
+        assert_eq!(digest(&["--in-process"]), digest(&[]), "FMI {version}");
+    }
+}
+
+#[test]
 fn next_run_removes_unpacked_fmu_of_a_dead_process() {
     let folder = Folder::new("unpacked");
     let file = TestFmu {

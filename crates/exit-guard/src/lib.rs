@@ -1,18 +1,28 @@
-//! Detection of `exit` in foreign code: a library that calls `exit` would end the process, and with `exit(0)` as if it had succeeded.
-//! This is reported, and the process fails.
+//! Calls of foreign code, guarded against what it may do to the process that it shares with others.
+//!
+//! A library that calls `exit` would end the process, and with `exit(0)` as if it had succeeded. This is reported, and the process fails.
+//! A library that changes the [floating-point modes](FloatModes) would change the numbers of others: each callee has modes of its own.
 //!
 //! Only the thread that makes the call is guarded. `_exit`, and `exit` in a thread that the library has started, are not detected.
+
+mod float_modes;
 
 use std::cell::Cell;
 use std::io::Write;
 use std::ptr::null;
 use std::sync::{Arc, Once};
 
-/// What is called, for the message.
+pub use float_modes::{FloatModes, with_default_modes};
+
+use float_modes::OwnModes;
+
+/// What is called.
 #[derive(Debug)]
 struct Callee {
     name: String,
-    message: fn(&str) -> String,
+    /// The message for a function that called `exit`; none where it may.
+    message: Option<fn(&str) -> String>,
+    modes: OwnModes,
 }
 
 // A plain value: a value with a destructor no longer exists when the handler runs.
@@ -34,15 +44,40 @@ impl Guard {
             // message is lost.
             unsafe { libc::atexit(report_exit) };
         });
-        let name = name.to_owned();
-        Guard(Arc::new(Callee { name, message }))
+        Guard::of(name, Some(message))
     }
 
-    /// Makes a call of foreign code, in its function `function`.
+    /// A guard for foreign code that may call `exit`, because nothing else depends on the process. It has floating-point modes of its own
+    /// nevertheless, so that its numbers, and those of its host, are the same as in any other process.
+    pub fn allowing_exit() -> Guard {
+        Guard::of("", None)
+    }
+
+    fn of(name: &str, message: Option<fn(&str) -> String>) -> Guard {
+        Guard(Arc::new(Callee {
+            name: name.to_owned(),
+            message,
+            modes: OwnModes::new(),
+        }))
+    }
+
+    /// The floating-point modes with which the next call begins: those that the last one left, at first the default ones.
+    pub fn modes(&self) -> FloatModes {
+        self.0.modes.get()
+    }
+
+    /// Lets the next call begin with these floating-point modes.
+    pub fn set_modes(&self, modes: FloatModes) {
+        self.0.modes.set(modes);
+    }
+
+    /// Makes a call of foreign code, in its function `function`, with the callee's floating-point modes: `call` itself computes no
+    /// floating-point numbers.
     #[inline]
     pub fn call<T>(&self, function: &'static str, call: impl FnOnce() -> T) -> T {
         // The callee lives as long as `self`, which is borrowed until the previous value is back: also when the call panics.
         let _restore = RestoreCall(CURRENT_CALL.replace((Arc::as_ptr(&self.0), function)));
+        let _modes = self.0.modes.enter();
         call()
     }
 }
@@ -60,10 +95,11 @@ impl Drop for RestoreCall {
 extern "C" fn report_exit() {
     let (callee, function) = CURRENT_CALL.get();
     // SAFETY: the pointer is null, or the frame of `Guard::call` is below this one on the stack, and its callee lives.
-    let Some(callee) = (unsafe { callee.as_ref() }) else {
+    let Some((name, message)) = (unsafe { callee.as_ref() }).and_then(|callee| Some((&callee.name, callee.message?)))
+    else {
         return;
     };
-    let _ = writeln!(std::io::stderr(), "{}: {}", callee.name, (callee.message)(function));
+    let _ = writeln!(std::io::stderr(), "{name}: {}", message(function));
     // SAFETY: ends the process at once, with a failure in place of the requested success.
     unsafe { libc::_exit(1) };
 }

@@ -73,6 +73,7 @@ impl Foreign {
         let data = unsafe { &owner.0.as_ref().data };
         let describe = table.describe.ok_or_else(|| unusable("it has no `describe`".into()))?;
         data.describing.set(true);
+        data.guard.set_modes(crate::modes::of(table));
         let (host, place) = (owner.0.as_ptr().cast_const().cast(), &raw mut own);
         // SAFETY: the arguments satisfy the ABI.
         let status = data.guard.call("describe", || unsafe { describe(host, place) });

@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use exit_guard::Guard;
+use exit_guard::{Guard, with_default_modes};
 use lockstep::participant::{Input, Interface, Kind, Log, Output, ParameterError, Setup, state::too_large};
 use lockstep::port::Descriptor;
 use lockstep::random::Stream;
@@ -183,7 +183,7 @@ impl HostData {
     }
 }
 
-/// Does `work` for the participant behind `host`. Panics do not propagate into foreign code.
+/// Does `work` for the participant behind `host`, not with its floating-point modes. Panics do not propagate into foreign code.
 ///
 /// # Safety
 /// `host` must be the one that the participant was given.
@@ -193,7 +193,7 @@ unsafe fn with_data(host: *const Host, work: impl FnOnce(&HostData) -> Status) -
     }
     // SAFETY: every host that foreign code has is the first field of a host context, which lives until the end of `terminate`.
     let data = unsafe { &(*host.cast::<HostContext>()).data };
-    catch_unwind(AssertUnwindSafe(|| work(data))).unwrap_or(FAILED)
+    catch_unwind(AssertUnwindSafe(|| with_default_modes(|| work(data)))).unwrap_or(FAILED)
 }
 
 /// Reads a text of foreign code.

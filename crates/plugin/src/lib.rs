@@ -18,6 +18,7 @@ mod host_context;
 mod library;
 mod load_error;
 mod message;
+mod modes;
 mod parameters;
 pub mod table;
 
@@ -41,6 +42,10 @@ pub use parameters::{Found, NO_PARTICIPANT, Parameters};
 pub unsafe fn host(table: *const table::Table) -> ExitCode {
     // SAFETY: guaranteed by the caller.
     let checked = unsafe { table::check(table) };
+    let own = exit_guard::FloatModes::take();
+    if let Ok(table) = &checked {
+        modes::keep(table, own);
+    }
     let program = checked
         .as_ref()
         .map_or_else(|_| "a program in C".to_owned(), |table| table.program());

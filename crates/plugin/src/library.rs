@@ -4,7 +4,10 @@ use std::ffi::{CStr, CString, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use exit_guard::Guard;
+
 use crate::LoadError;
+use crate::modes;
 use crate::table::{self, Plugin, Table};
 
 /// The function that a plug-in exports.
@@ -38,8 +41,11 @@ impl Library {
             reason,
         };
         let name = CString::new(full.as_os_str().as_bytes()).map_err(|error| refused(error.to_string()))?;
+        // What the library's initialisers make of the floating-point modes is for its participants alone.
+        let guard = Guard::allowing_exit();
         // SAFETY: the name ends with a zero byte. The user is responsible for the library's own code.
-        let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
+        let open = || unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
+        let handle = guard.call("the initialisation of the library", open);
         if handle.is_null() {
             // SAFETY: the loader's message is valid until the next call of the loader by this thread.
             let reason = unsafe { table::text(libc::dlerror()) }.map_or_else(|| "for no reason".into(), str::to_owned);
@@ -59,7 +65,7 @@ impl Library {
         let mut tables = Vec::new();
         for number in 0..=PARTICIPANTS_MAX {
             // SAFETY: the function accepts any number.
-            let given = unsafe { plugin(number) };
+            let given = guard.call("escapement_plugin", || unsafe { plugin(number) });
             if given.is_null() {
                 break;
             }
@@ -71,6 +77,7 @@ impl Library {
                 reason,
             })?);
         }
+        tables.iter().for_each(|table| modes::keep(table, guard.modes()));
         let library = Library {
             file: file.to_owned(),
             tables,

@@ -104,7 +104,7 @@ impl Fmi2Instance {
         folder: &Path,
         name: &str,
         log: &Log,
-        guard: Option<Guard>,
+        guard: Guard,
     ) -> Result<Fmi2Instance, LoadError> {
         let loaded = Library::load(library, guard)?;
         let functions = Functions::load(&loaded)?;

@@ -93,7 +93,7 @@ impl Fmi3Instance {
         folder: &Path,
         name: &str,
         log: &Log,
-        guard: Option<Guard>,
+        guard: Guard,
     ) -> Result<Fmi3Instance, LoadError> {
         let loaded = Library::load(library, guard)?;
         let functions = Functions::load(&loaded)?;

@@ -1,11 +1,15 @@
-//! An instance that shares its process with others: a call of `exit` in one of its functions is a failure of the process.
+//! An instance whose calls are guarded: it has floating-point modes of its own, and where it shares its process with others, a call of
+//! `exit` in one of its functions is a failure of the process.
 
 use exit_guard::Guard;
 
 use super::interface::{Instance, Status, Stepped, Texts, Values};
 
-/// The guard of the FMU called `name`.
-pub(super) fn guard(name: &str) -> Guard {
+/// The guard of the FMU called `name`; in a process of its own it may call `exit`, which the orchestrator sees.
+pub(super) fn guard(name: &str, own_process: bool) -> Guard {
+    if own_process {
+        return Guard::allowing_exit();
+    }
     Guard::new(name, |function| {
         format!(
             "the FMU called exit() in {function}, which ends the process that it shares with the run; to give up it has to return Error or \

@@ -38,7 +38,7 @@ pub(super) struct Library {
     /// The threads that were alive before it was loaded.
     threads: Option<BTreeSet<u64>>,
     /// For the code that the library executes when it is unloaded.
-    guard: Option<Guard>,
+    guard: Guard,
 }
 
 fn last_error() -> String {
@@ -74,7 +74,7 @@ fn load_python() -> bool {
 }
 
 impl Library {
-    pub(super) fn load(path: &Path, guard: Option<Guard>) -> Result<Library, LoadError> {
+    pub(super) fn load(path: &Path, guard: Guard) -> Result<Library, LoadError> {
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|_| LoadError::Path(path.to_owned()))?;
         let threads = threads::alive();
         let mut handle = open(&name, libc::RTLD_LOCAL);
@@ -118,10 +118,7 @@ impl Drop for Library {
         }
         // SAFETY: the handle is that of dlopen; nothing of the library is used afterwards.
         let close = || unsafe { libc::dlclose(self.handle) };
-        match &self.guard {
-            Some(guard) => guard.call("the finalisation of its library", close),
-            None => close(),
-        };
+        self.guard.call("the finalisation of its library", close);
     }
 }
 

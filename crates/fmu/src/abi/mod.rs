@@ -36,25 +36,17 @@ pub fn instantiate(
     own_process: bool,
 ) -> Result<Box<dyn Instance>, LoadError> {
     const INSTANTIATE: &str = "its library's initialisation or in Instantiate";
-    let (load_fmi2, load_fmi3) = (
-        |guard| fmi2::Fmi2Instance::new(description, library, folder, name, log, guard),
-        |guard| fmi3::Fmi3Instance::new(description, library, folder, name, log, guard),
-    );
-    if own_process {
-        return Ok(match description.version {
-            Version::Fmi2 => Box::new(load_fmi2(None)?),
-            Version::Fmi3 => Box::new(load_fmi3(None)?),
-        });
-    }
-    let guard = guarded::guard(name);
-    let own = Some(guard.clone());
+    let guard = guarded::guard(name, own_process);
+    let own = guard.clone();
     Ok(match description.version {
         Version::Fmi2 => {
-            let instance = guard.call(INSTANTIATE, || load_fmi2(own))?;
+            let load = || fmi2::Fmi2Instance::new(description, library, folder, name, log, own);
+            let instance = guard.call(INSTANTIATE, load)?;
             Box::new(Guarded { instance, guard })
         }
         Version::Fmi3 => {
-            let instance = guard.call(INSTANTIATE, || load_fmi3(own))?;
+            let load = || fmi3::Fmi3Instance::new(description, library, folder, name, log, own);
+            let instance = guard.call(INSTANTIATE, load)?;
             Box::new(Guarded { instance, guard })
         }
     })

@@ -55,7 +55,7 @@ impl Instance for Exits {
 #[test]
 fn child() {
     let Ok(function) = std::env::var(CHILD) else { return };
-    let guard = guard("it");
+    let guard = guard("it", false);
     let mut fmu = Guarded { instance: Exits, guard };
     let mut values = Values::new(Native::F64, vec![1], 1);
     match function.as_str() {
