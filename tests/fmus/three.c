@@ -62,7 +62,10 @@ int fmi3SetBinary(void *c, const unsigned *vr, size_t n, const size_t *s, const 
 int fmi3DoStep(void *c, double t, double h, bool keep, bool *event, bool *terminate, bool *early, double *last) {
     Instance *i = c;
     int status = step(&i->model, t, h);
+    double value[2] = {0, 0};
+    const unsigned reference = 1;
     (void)keep;
+    if (FAULT == CALLS_ITSELF && fmi3GetFloat64(c, &reference, 1, value, 1) != 0) status = 3;
     *event = *terminate = *early = false;
     *last = status == 2 ? t : t + h;
     if (status) i->logger(i->environment, status, "error", "the spring broke");

@@ -106,7 +106,8 @@ impl Fmi2Instance {
         log: &Log,
         guard: Guard,
     ) -> Result<Fmi2Instance, LoadError> {
-        let loaded = Library::load(library, guard)?;
+        let names = [Functions::NAMES, StateFunctions::NAMES, TextFunctions::NAMES];
+        let loaded = Library::load(library, &names, guard)?;
         let functions = Functions::load(&loaded)?;
         let state = description
             .capabilities

@@ -95,7 +95,8 @@ impl Fmi3Instance {
         log: &Log,
         guard: Guard,
     ) -> Result<Fmi3Instance, LoadError> {
-        let loaded = Library::load(library, guard)?;
+        let names = [Functions::NAMES, StateFunctions::NAMES, ContentFunctions::NAMES];
+        let loaded = Library::load(library, &names, guard)?;
         let functions = Functions::load(&loaded)?;
         let state = description
             .capabilities

@@ -65,6 +65,17 @@ fn open(name: &CStr, scope: c_int) -> *mut c_void {
     unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | scope) }
 }
 
+/// Whether one of these functions is in the global scope: a library that is loaded then gets that function in the place of its own, wherever
+/// it calls one through its table of linked functions.
+fn are_global<'a>(mut functions: impl Iterator<Item = &'a str>) -> bool {
+    // SAFETY: a null name stands for the global scope; its handle is never closed, which only counts a reference to the program.
+    let global = unsafe { libc::dlopen(std::ptr::null(), libc::RTLD_LAZY) };
+    functions.any(|name| {
+        // SAFETY: the handle is that of the global scope, and the name ends with a zero byte.
+        CString::new(name).is_ok_and(|name| unsafe { !libc::dlsym(global, name.as_ptr()).is_null() })
+    })
+}
+
 /// Loads the newest Python of this machine for all libraries that are loaded afterwards, and keeps it loaded.
 fn load_python() -> bool {
     let names = (8..30)
@@ -74,10 +85,18 @@ fn load_python() -> bool {
 }
 
 impl Library {
-    pub(super) fn load(path: &Path, guard: Guard) -> Result<Library, LoadError> {
+    /// Loads the library in `path`, whose functions have these names.
+    pub(super) fn load(path: &Path, functions: &[&[&str]], guard: Guard) -> Result<Library, LoadError> {
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|_| LoadError::Path(path.to_owned()))?;
+        // In a program that is linked with a library that is an FMU too, a call of the FMU's own functions would reach that one's, because the
+        // global scope is searched first. With RTLD_DEEPBIND the FMU's own scope is; but not always, because the FMU is then also cut off from
+        // an allocator or a sanitizer that the program has put in the place of the C library's, and from the program's C++ run-time library.
+        let scope = match are_global(functions.iter().copied().flatten().copied()) {
+            true => libc::RTLD_LOCAL | libc::RTLD_DEEPBIND,
+            false => libc::RTLD_LOCAL,
+        };
         let threads = threads::alive();
-        let mut handle = open(&name, libc::RTLD_LOCAL);
+        let mut handle = open(&name, scope);
         if handle.is_null() {
             let reason = last_error();
             if !misses_python(&reason) {
@@ -87,7 +106,7 @@ impl Library {
             if !load_python() {
                 return Err(LoadError::Python(reason));
             }
-            handle = open(&name, libc::RTLD_LOCAL);
+            handle = open(&name, scope);
         }
         if handle.is_null() {
             return Err(LoadError::Load(last_error()));
@@ -131,6 +150,8 @@ macro_rules! functions {
         }
 
         impl $name {
+            const NAMES: &[&str] = &[$($symbol),*];
+
             fn load(library: &$crate::abi::library::Library) -> Result<$name, $crate::abi::library::LoadError> {
                 Ok($name {
                     $($field: {
