@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::compiler::run_checked;
 use crate::program::{Folder, root, text};
 
 /// The description of a test FMU.
@@ -20,6 +21,8 @@ pub struct TestFmu {
     pub attributes: &'static str,
     /// The sizes of the array in the description and in the library; nothing else is in the FMU then.
     pub sizes: Option<(u32, u32)>,
+    /// The number that its own helper library gives, where it needs one.
+    pub helper: Option<u32>,
     /// The folder of its library.
     pub platform: Option<&'static str>,
 }
@@ -34,6 +37,7 @@ impl TestFmu {
             fault: "NO_FAULT",
             attributes: "",
             sizes: None,
+            helper: None,
             platform: None,
         }
     }
@@ -60,10 +64,13 @@ impl TestFmu {
         let native = if self.version == 2 { "linux64" } else { "x86_64-linux" };
         let place = format!("binaries/{}/model.so", self.platform.unwrap_or(native));
         let path = folder.path().join(format!("{name}.fmu"));
-        let entries = [
+        let mut entries = vec![
             ("modelDescription.xml", self.description().into_bytes()),
             (place.as_str(), code),
         ];
+        let beside = Path::new(&place).with_file_name(HELPER);
+        let helper = helper.map(|helper| std::fs::read(helper).expect("the compiler has written it"));
+        entries.extend(helper.map(|code| (text(&beside), code)));
         std::fs::write(&path, zip_archive(&entries)).expect("the folder can be written");
         path
     }
@@ -138,6 +145,36 @@ impl TestFmu {
             ]
         }
     }
+}
+
+/// The file name of a helper library.
+const HELPER: &str = "libescapementhelper.so";
+
+/// Compiles a helper library into `folder`, which gives `number`.
+///
+/// # Panics
+/// When there is no C compiler.
+pub fn helper_library(folder: &Path, number: u32) -> PathBuf {
+    std::fs::create_dir_all(folder).expect("the folder can be written");
+    let library = folder.join(HELPER);
+    let mut compiler = Command::new("cc");
+    let soname = format!("-Wl,-soname,{HELPER}");
+    compiler.args([
+        "-shared",
+        "-fPIC",
+        &soname,
+        &format!("-DNUMBER={number}"),
+        "-o",
+        text(&library),
+    ]);
+    run_checked(compiler.arg(root().join("tests/fmus/helper.c")));
+    library
+}
+
+/// The arguments that link a library with `helper`, which is beside it.
+pub fn link_arguments(helper: &Path) -> [String; 3] {
+    let (none, path) = ("-Wl,--no-as-needed", "-Wl,-rpath,$ORIGIN");
+    [none.to_owned(), text(helper).to_owned(), path.to_owned()]
 }
 
 /// A ZIP archive of these files, uncompressed.

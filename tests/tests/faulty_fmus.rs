@@ -139,6 +139,45 @@ fn floating_point_modes_of_an_fmu_are_its_own() {
 }
 
 #[test]
+fn second_helper_library_of_one_name_is_refused_in_one_process() {
+    let folder = Folder::new("helpers");
+    let build = |name: &str, number| {
+        TestFmu {
+            helper: Some(number),
+            ..TestFmu::new(2)
+        }
+        .build(&folder, name)
+    };
+    let (one, two) = (build("one", 1), build("two", 2));
+    // Alone it runs, also as several points in a process.
+    assert_eq!(
+        run(&folder, &one, "run.ports.inputs = []", &["--in-process"]).code,
+        Some(0)
+    );
+    let (scenario, out) = (folder.path().join("bad.toml"), folder.path().join("campaign"));
+    let vary = "participants.it.parameters.mass=1 kg,2 kg,3 kg";
+    let output = run_orchestrator(&["sweep", text(&scenario), "--vary", vary, "--out", text(&out)]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    for other in [&one, &two] {
+        let keys = format!(
+            "run.ports.inputs = []\n[participants.other]\nperiod = \"1 ms\"\nrun.fmu = \"{}\"\nrun.ports.inputs = []",
+            text(other)
+        );
+        assert_eq!(run(&folder, &one, &keys, &[]).code, Some(0));
+        let output = run(&folder, &one, &keys, &["--in-process"]);
+        assert_eq!(output.code, Some(1), "{output:?}");
+        for words in [
+            "`other`",
+            "it needs its own `",
+            "libescapementhelper.so",
+            "leave out --in-process",
+        ] {
+            assert!(output.err.contains(words), "`{words}`: {output:?}");
+        }
+    }
+}
+
+#[test]
 fn next_run_removes_unpacked_fmu_of_a_dead_process() {
     let folder = Folder::new("unpacked");
     let file = TestFmu {

@@ -66,28 +66,6 @@ fn healthy_plugin_runs() {
 }
 
 #[test]
-fn floating_point_modes_of_a_plugin_are_its_own() {
-    let folder = Folder::new("modes");
-    let [bad, good] = ["rounds-up", "nothing"].map(misuse);
-    let run_of = |library: &Path| format!("{{ library = {:?} }}\nperiod = \"10 ms\"\n", text(library));
-    // Two of the same library: it is loaded only once.
-    let more = format!(
-        "[participants.again]\nrun = {}[participants.other]\nrun = {}",
-        run_of(&bad),
-        run_of(&good)
-    );
-    let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&bad)));
-    let whole = std::fs::read_to_string(&file).expect("it is written") + &more;
-    let file = folder.write("two.toml", &whole);
-    let digest = |how: &[&str]| {
-        let output = run(&folder, &file, &[how, &["--json"]].concat());
-        assert_eq!(output.code, Some(0), "{output:?}");
-        output.json()["tape_digest"].as_str().expect("a digest").to_owned()
-    };
-    assert_eq!(digest(&["--in-process"]), digest(&[]));
-}
-
-#[test]
 fn plugin_knows_whether_its_output_is_seen() {
     let folder = Folder::new("unseen");
     let library = misuse("unseen");

@@ -2,10 +2,13 @@
 //!
 //! A library that calls `exit` would end the process, and with `exit(0)` as if it had succeeded. This is reported, and the process fails.
 //! A library that changes the [floating-point modes](FloatModes) would change the numbers of others: each callee has modes of its own.
+//! Before a library is loaded, [`check_helpers`] finds out whether it would share its own helper libraries with another one.
 //!
 //! Only the thread that makes the call is guarded. `_exit`, and `exit` in a thread that the library has started, are not detected.
 
+mod elf;
 mod float_modes;
+mod helpers;
 
 use std::cell::Cell;
 use std::io::Write;
@@ -13,6 +16,7 @@ use std::ptr::null;
 use std::sync::{Arc, Once};
 
 pub use float_modes::{FloatModes, with_default_modes};
+pub use helpers::{HelperConflict, check_helpers};
 
 use float_modes::OwnModes;
 

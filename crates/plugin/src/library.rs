@@ -4,7 +4,7 @@ use std::ffi::{CStr, CString, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use exit_guard::Guard;
+use exit_guard::{Guard, check_helpers};
 
 use crate::LoadError;
 use crate::modes;
@@ -31,6 +31,10 @@ impl Library {
         crate::look(file)?;
         // A name without a slash would be searched for in the system's library folders.
         let full = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+        check_helpers(&full).map_err(|conflict| LoadError::Helper {
+            file: file.to_owned(),
+            conflict,
+        })?;
         let refused = |reason: String| LoadError::Refused {
             remedy: if reason.contains("escapement_participant_main") {
                 "compile a plug-in with -DESCAPEMENT_NO_MAIN: a program alone has a main"

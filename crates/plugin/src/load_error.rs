@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use exit_guard::HelperConflict;
+
 use crate::table::TableError;
 
 /// Why a library provides no participant.
@@ -34,6 +36,14 @@ pub enum LoadError {
         reason: String,
         /// What can be done.
         remedy: &'static str,
+    },
+    /// It would share a library of its own with another participant.
+    #[error("the library `{}` cannot be loaded: {conflict}", file.display())]
+    Helper {
+        /// The file.
+        file: PathBuf,
+        /// The two libraries.
+        conflict: HelperConflict,
     },
     /// It is a library for another purpose.
     #[error(

@@ -5,7 +5,7 @@ use std::ffi::{CStr, CString, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use exit_guard::Guard;
+use exit_guard::{Guard, HelperConflict, check_helpers};
 
 use super::threads;
 
@@ -15,6 +15,9 @@ pub enum LoadError {
     /// The dynamic linker rejects the library.
     #[error("the library cannot be loaded: {0}")]
     Load(String),
+    /// It would share a library of its own with another participant.
+    #[error("the library cannot be loaded: {0}")]
+    Helper(#[from] HelperConflict),
     /// The library embeds Python, which is missing.
     #[error(
         "the library embeds Python, and this machine has no libpython3.N.so.1.0 where libraries are looked for: install it (Debian: \
@@ -88,6 +91,7 @@ impl Library {
     /// Loads the library in `path`, whose functions have these names.
     pub(super) fn load(path: &Path, functions: &[&[&str]], guard: Guard) -> Result<Library, LoadError> {
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|_| LoadError::Path(path.to_owned()))?;
+        check_helpers(path)?;
         // In a program that is linked with a library that is an FMU too, a call of the FMU's own functions would reach that one's, because the
         // global scope is searched first. With RTLD_DEEPBIND the FMU's own scope is; but not always, because the FMU is then also cut off from
         // an allocator or a sanitizer that the program has put in the place of the C library's, and from the program's C++ run-time library.
