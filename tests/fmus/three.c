@@ -75,7 +75,7 @@ int fmi3DoStep(void *c, double t, double h, bool keep, bool *event, bool *termin
 int fmi3GetFMUState(void *c, void **s) { *s = malloc(sizeof(Model)); memcpy(*s, &((Instance *)c)->model, sizeof(Model)); return 0; }
 int fmi3SetFMUState(void *c, void *s) { memcpy(&((Instance *)c)->model, s, sizeof(Model)); return 0; }
 int fmi3FreeFMUState(void *c, void **s) { (void)c; free(*s); *s = NULL; return 0; }
-int fmi3SerializedFMUStateSize(void *c, void *s, size_t *n) { (void)c; (void)s; *n = sizeof(Model); return 0; }
+int fmi3SerializedFMUStateSize(void *c, void *s, size_t *n) { (void)c; (void)s; *n = FAULT == HUGE_STATE ? (size_t)1 << 40 : sizeof(Model); return 0; }
 int fmi3SerializeFMUState(void *c, void *s, uint8_t *b, size_t n) { (void)c; memcpy(b, s, n); return FAULT == UNSAVED ? 3 : 0; }
 int fmi3DeserializeFMUState(void *c, const uint8_t *b, size_t n, void **s) { (void)c; if (n != sizeof(Model)) return 3; *s = malloc(n); memcpy(*s, b, n); return 0; }
 #endif

@@ -45,7 +45,7 @@ int fmi2GetBooleanStatus(void *c, int kind, int *v) { (void)c; *v = 0; return ki
 int fmi2GetFMUstate(void *c, void **s) { *s = malloc(sizeof(Model)); memcpy(*s, &((Instance *)c)->model, sizeof(Model)); return 0; }
 int fmi2SetFMUstate(void *c, void *s) { memcpy(&((Instance *)c)->model, s, sizeof(Model)); return 0; }
 int fmi2FreeFMUstate(void *c, void **s) { (void)c; free(*s); *s = NULL; return 0; }
-int fmi2SerializedFMUstateSize(void *c, void *s, size_t *n) { (void)c; (void)s; *n = sizeof(Model); return 0; }
+int fmi2SerializedFMUstateSize(void *c, void *s, size_t *n) { (void)c; (void)s; *n = FAULT == HUGE_STATE ? (size_t)1 << 40 : sizeof(Model); return 0; }
 int fmi2SerializeFMUstate(void *c, void *s, char *b, size_t n) { (void)c; memcpy(b, s, n); return FAULT == UNSAVED ? 3 : 0; }
 int fmi2DeSerializeFMUstate(void *c, const char *b, size_t n, void **s) { (void)c; if (n != sizeof(Model)) return 3; *s = malloc(n); memcpy(*s, b, n); return 0; }
 #endif

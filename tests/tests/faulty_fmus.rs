@@ -286,6 +286,26 @@ fn fmu_that_cannot_be_saved_is_refused_with_fmu_remedy() {
 }
 
 #[test]
+fn state_of_an_unbelievable_size_is_refused() {
+    for version in [2, 3] {
+        let folder = Folder::new("huge");
+        let file = TestFmu {
+            fault: "HUGE_STATE",
+            ..TestFmu::new(version)
+        }
+        .build(&folder, "bad");
+        for more in [&[][..], &["--in-process"]] {
+            let arguments = [&["--checkpoint-at", "0.7 s"], more].concat();
+            let output = run(&folder, &file, "run.ports.inputs = []", &arguments);
+            assert_eq!(output.code, Some(1), "{output:?}");
+            for part in ["`it`: cannot save its state", "1099511627776 bytes", "63 MiB"] {
+                assert!(output.err.contains(part), "`{part}`: {output:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn fmu_that_prints_does_not_spoil_a_result_in_one_process() {
     for version in [2, 3] {
         let folder = Folder::new("prints");

@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lockstep::participant::Failure;
 
-use crate::abi::{self, Instance, Log, Status, Texts};
+use crate::abi::{self, Instance, Log, StateError, Status, Texts};
 use crate::model::Model;
 use crate::scratch::Scratch;
 use crate::settings::{Content, Setting, Settings};
@@ -234,9 +234,12 @@ impl Running {
     /// # Errors
     /// The function that failed and its status, with the FMU's own log.
     pub fn serialise(&self) -> Result<Vec<u8>, String> {
-        self.instance.serialise().map_err(|(function, status)| {
-            self.unsaved.set(status);
-            format!("{function} {}{}", status.text(), self.log.take())
+        self.instance.serialise().map_err(|error| match error {
+            StateError::Status(function, status) => {
+                self.unsaved.set(status);
+                format!("{function} {}{}", status.text(), self.log.take())
+            }
+            StateError::Size(reason) => reason,
         })
     }
 
@@ -300,7 +303,7 @@ mod tests {
                 last: self.0,
             }
         }
-        fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
+        fn serialise(&self) -> Result<Vec<u8>, StateError> {
             Ok(Vec::new())
         }
         fn deserialise(&mut self, _: &[u8]) -> Result<(), (&'static str, Status)> {

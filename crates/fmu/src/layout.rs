@@ -3,7 +3,7 @@
 use lockstep::participant::{Input, Inputs, Interface, Kind, Output, Outputs, ParameterError};
 use lockstep::port::{Descriptor, Element, Field};
 
-use crate::abi::{Native, Values};
+use crate::abi::Native;
 use crate::aliases::Aliases;
 use crate::description::{Causality, Conversion, Description, Type, Variable, Version};
 use crate::items::Items;
@@ -464,9 +464,8 @@ impl<'a> Planner<'a> {
                 return Err(set_twice_text(&transfer.slots[other].name, variable));
             }
             let first = transfer.values.count;
-            let mut references = std::mem::take(&mut transfer.values.references);
-            references.push(variable.reference);
-            transfer.values = Values::new(native, references, first + each);
+            transfer.values.push(variable.reference, each);
+            transfer.values.make_room(field.element.room().unwrap_or(0));
             let conversion = &planned.conversion;
             transfer.slots.push(Slot {
                 port,

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use lockstep::participant::{Inputs, Outputs};
-use lockstep::port::Element;
+use lockstep::port::{Descriptor, Element};
 
 use crate::abi::{Native, Values};
 use crate::items::Items;
@@ -168,6 +168,9 @@ impl Slot {
         for index in 0..self.len {
             if self.element.room().is_some() {
                 let at = self.offset + index * size;
+                if let (Some(length), Some(room)) = (values.excess(self.first + index), self.element.room()) {
+                    return Err(self.too_long_text(length, room));
+                }
                 self.write_content(values.content(self.first + index), &mut payload[at..at + size])?;
                 continue;
             }
@@ -224,12 +227,60 @@ impl Slot {
                 error.valid_up_to()
             ));
         }
-        self.element.put_content(content, own).map_err(|error| {
-            format!(
-                "its output `{name}` has {} bytes, and its field room for {}: give it more, as {{ variable = \"{name}\", size = {} }} in \
-                 `ports` or `record`",
-                error.length, error.room, error.length
-            )
-        })
+        let put = self.element.put_content(content, own);
+        put.map_err(|error| self.too_long_text(error.length, error.room))
+    }
+
+    /// Why a text or bytes of this length cannot be an output.
+    fn too_long_text(&self, length: usize, room: usize) -> String {
+        let name = &self.name;
+        let most = Descriptor::MAX_SIZE as usize;
+        let remedy = match length <= most {
+            true => format!("give it more, as {{ variable = \"{name}\", size = {length} }} in `ports` or `record`"),
+            false => format!("a port has {most} at most, so the FMU has to give fewer"),
+        };
+        format!("its output `{name}` has {length} bytes, and its field room for {room}: {remedy}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stated_size_beyond_the_room_is_refused_and_not_read() {
+        let slot = Slot {
+            port: 0,
+            offset: 0,
+            element: Element::Bytes(8),
+            first: 0,
+            len: 1,
+            conversion: None,
+            items: Items::default(),
+            name: "image".into(),
+        };
+        let mut values = Values::new(Native::Binary, vec![7], 1);
+        values.make_room(8);
+        let bytes = *b"12345678";
+        let mut write = |size: usize| {
+            let mut given = values.no_pointers();
+            (given.pointers[0], given.sizes[0]) = (bytes.as_ptr(), size);
+            // SAFETY: there are 8 bytes at the pointer, and the limit is 8.
+            unsafe { values.take(&given) };
+            slot.write(&values, &mut [0; 12])
+        };
+        assert_eq!(write(8), Ok(()));
+        let error = write(9).unwrap_err();
+        assert!(
+            error.contains("`image` has 9 bytes") && error.contains("size = 9"),
+            "{error}"
+        );
+        let error = write(1 << 50).unwrap_err();
+        assert!(
+            error.contains("`image` has 1125899906842624 bytes, and its field room for 8"),
+            "{error}"
+        );
+        assert!(error.contains("the FMU has to give fewer"), "{error}");
+        assert_eq!(write(3), Ok(()));
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use exit_guard::Guard;
 
-use super::interface::{Instance, Native, Status, Stepped, Texts, Values, failure_categories};
+use super::interface::{Instance, Native, StateError, Status, Stepped, Texts, Values, failure_categories};
 use super::library::{Library, LoadError, functions};
 use super::log::Log;
 use crate::description::Description;
@@ -264,34 +264,29 @@ impl Instance for Fmi2Instance {
         }
     }
 
-    fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
+    fn serialise(&self) -> Result<Vec<u8>, StateError> {
         let Some(own) = &self.state else {
-            return Err(("fmi2SerializeFMUstate", Status::Error));
+            return Err(StateError::Status("fmi2SerializeFMUstate", Status::Error));
         };
         let check = |name, status: c_int| match Status::of(status) {
             status if status.succeeded() => Ok(()),
-            status => Err((name, status)),
+            status => Err(StateError::Status(name, status)),
         };
         let mut state = std::ptr::null_mut();
         // SAFETY: the instance is alive; the buffer has the size that the FMU states; the state is freed on every path.
         unsafe {
             check("fmi2GetFMUstate", (own.get)(self.component, &raw mut state))?;
             let mut size = 0;
-            let mut bytes = Vec::new();
             let sized = check(
                 "fmi2SerializedFMUstateSize",
                 (own.size)(self.component, state, &raw mut size),
             );
-            let done = sized.and_then(|()| {
-                bytes = vec![0_u8; size];
-                let pointer = bytes.as_mut_ptr().cast();
-                check(
-                    "fmi2SerializeFMUstate",
-                    (own.serialise)(self.component, state, pointer, size),
-                )
+            let done = sized.and_then(|()| StateError::buffer(size)).and_then(|mut bytes| {
+                let status = (own.serialise)(self.component, state, bytes.as_mut_ptr().cast(), size);
+                check("fmi2SerializeFMUstate", status).map(|()| bytes)
             });
             (own.free)(self.component, &raw mut state);
-            done.map(|()| bytes)
+            done
         }
     }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use exit_guard::Guard;
 
-use super::interface::{Instance, Native, Status, Stepped, Texts, Values, failure_categories};
+use super::interface::{Instance, Native, StateError, Status, Stepped, Texts, Values, failure_categories};
 use super::library::{Library, LoadError, functions};
 use super::log::{Log, log_message};
 use crate::description::Description;
@@ -316,34 +316,29 @@ impl Instance for Fmi3Instance {
         }
     }
 
-    fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
+    fn serialise(&self) -> Result<Vec<u8>, StateError> {
         let Some(own) = &self.state else {
-            return Err(("fmi3SerializeFMUState", Status::Error));
+            return Err(StateError::Status("fmi3SerializeFMUState", Status::Error));
         };
         let check = |name, status: c_int| match Status::of(status) {
             status if status.succeeded() => Ok(()),
-            status => Err((name, status)),
+            status => Err(StateError::Status(name, status)),
         };
         let mut state = std::ptr::null_mut();
         // SAFETY: the instance is alive; the buffer has the size that the FMU states; the state is freed on every path.
         unsafe {
             check("fmi3GetFMUState", (own.get)(self.instance, &raw mut state))?;
             let mut size = 0;
-            let mut bytes = Vec::new();
             let sized = check(
                 "fmi3SerializedFMUStateSize",
                 (own.size)(self.instance, state, &raw mut size),
             );
-            let done = sized.and_then(|()| {
-                bytes = vec![0_u8; size];
-                let pointer = bytes.as_mut_ptr();
-                check(
-                    "fmi3SerializeFMUState",
-                    (own.serialise)(self.instance, state, pointer, size),
-                )
+            let done = sized.and_then(|()| StateError::buffer(size)).and_then(|mut bytes| {
+                let status = (own.serialise)(self.instance, state, bytes.as_mut_ptr(), size);
+                check("fmi3SerializeFMUState", status).map(|()| bytes)
             });
             (own.free)(self.instance, &raw mut state);
-            done.map(|()| bytes)
+            done
         }
     }
 

@@ -3,7 +3,7 @@
 
 use exit_guard::Guard;
 
-use super::interface::{Instance, Status, Stepped, Texts, Values};
+use super::interface::{Instance, StateError, Status, Stepped, Texts, Values};
 
 /// The guard of the FMU called `name`; in a process of its own it may call `exit`, which the orchestrator sees.
 pub(super) fn guard(name: &str, own_process: bool) -> Guard {
@@ -62,7 +62,7 @@ impl<I: Instance> Instance for Guarded<I> {
         self.guard.call("DoStep", || self.instance.step(t, step))
     }
 
-    fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
+    fn serialise(&self) -> Result<Vec<u8>, StateError> {
         let call = || self.instance.serialise();
         self.guard.call("the functions that save its state", call)
     }

@@ -2,6 +2,7 @@
 
 use std::ffi::{CStr, c_void};
 
+use lockstep::participant::state::too_large;
 use lockstep::port::Element;
 
 use crate::description::{Description, Type, Version};
@@ -138,28 +139,46 @@ pub struct Values {
     words: Vec<u64>,
     /// Zero-terminated texts, or bytes.
     contents: Vec<Vec<u8>>,
+    /// The number of bytes of each that the FMU has given: of a longer one than `content_max` nothing is copied.
+    lengths: Vec<usize>,
+    content_max: usize,
 }
 
 /// Pointers to texts or bytes in the form that functions expect and return, with the sizes.
-pub(super) struct Pointers {
-    pub(super) pointers: Vec<*const u8>,
-    pub(super) sizes: Vec<usize>,
+pub(crate) struct Pointers {
+    pub(crate) pointers: Vec<*const u8>,
+    pub(crate) sizes: Vec<usize>,
 }
 
 impl Values {
     /// Creates values that are all zero.
     pub fn new(native: Native, references: Vec<u32>, count: usize) -> Values {
-        let words = vec![0; (count * native.size()).div_ceil(8)];
-        Values {
+        let mut values = Values {
             native,
             references,
-            count,
-            words,
-            contents: match native {
-                Native::Text => vec![vec![0]; count],
-                Native::Binary => vec![Vec::new(); count],
-                _ => Vec::new(),
-            },
+            count: 0,
+            words: Vec::new(),
+            contents: Vec::new(),
+            lengths: Vec::new(),
+            content_max: 0,
+        };
+        values.grow(count);
+        values
+    }
+
+    /// Adds a variable with `count` values that are zero.
+    pub fn push(&mut self, reference: u32, count: usize) {
+        self.references.push(reference);
+        self.grow(count);
+    }
+
+    fn grow(&mut self, count: usize) {
+        self.count += count;
+        self.words.resize((self.count * self.native.size()).div_ceil(8), 0);
+        if let Native::Text | Native::Binary = self.native {
+            let empty = Vec::from_iter((self.native == Native::Text).then_some(0));
+            self.contents.resize(self.count, empty);
+            self.lengths.resize(self.count, 0);
         }
     }
 
@@ -172,30 +191,45 @@ impl Values {
     }
 
     /// Space for the pointers that a function returns.
-    pub(super) fn no_pointers(&self) -> Pointers {
+    pub(crate) fn no_pointers(&self) -> Pointers {
         Pointers {
             pointers: vec![std::ptr::null(); self.count],
             sizes: vec![0; self.count],
         }
     }
 
-    /// Copies the texts or bytes that a function returned. A null pointer is an empty value.
+    /// Lets texts and bytes of so many bytes be copied from the FMU, which states the sizes, and may be wrong by any factor.
+    pub fn make_room(&mut self, bytes: usize) {
+        self.content_max = self.content_max.max(bytes);
+    }
+
+    /// Copies the texts or bytes that a function returned, unless they are too long. A null pointer is an empty value.
     ///
     /// # Safety
-    /// Each pointer is null, or points to a zero-terminated text, or to as many bytes as its size states.
-    pub(super) unsafe fn take(&mut self, given: &Pointers) {
-        let each = given.pointers.iter().zip(&given.sizes);
-        for (own, (pointer, size)) in self.contents.iter_mut().zip(each) {
-            own.clear();
-            match (pointer.is_null(), self.native) {
-                (true, Native::Text) => own.push(0),
-                (true, _) => {}
+    /// Each pointer is null, or points to a zero-terminated text, or to as many bytes as its size states, or to any place where that is more
+    /// than the limit.
+    pub(crate) unsafe fn take(&mut self, given: &Pointers) {
+        let own = self.contents.iter_mut().zip(&mut self.lengths);
+        for ((content, length), (pointer, size)) in own.zip(given.pointers.iter().zip(&given.sizes)) {
+            let terminated = self.native == Native::Text;
+            *length = match (pointer.is_null(), terminated) {
+                (true, _) => 0,
                 // SAFETY: guaranteed by the caller.
-                (false, Native::Text) => own.extend(unsafe { CStr::from_ptr(pointer.cast()) }.to_bytes_with_nul()),
-                // SAFETY: guaranteed by the caller.
-                (false, _) => own.extend(unsafe { std::slice::from_raw_parts(*pointer, *size) }),
+                (false, true) => unsafe { CStr::from_ptr(pointer.cast()) }.count_bytes(),
+                (false, false) => *size,
+            };
+            content.clear();
+            if *length > 0 && *length <= self.content_max {
+                // SAFETY: guaranteed by the caller, for a length within the limit.
+                content.extend(unsafe { std::slice::from_raw_parts(*pointer, *length) });
             }
+            content.extend(terminated.then_some(0));
         }
+    }
+
+    /// The number of bytes of text or bytes number `index` that the FMU has given, where they are too many to be copied.
+    pub fn excess(&self, index: usize) -> Option<usize> {
+        Some(self.lengths[index]).filter(|length| *length > self.content_max)
     }
 
     /// Text or bytes number `index`.
@@ -266,6 +300,25 @@ pub struct Stepped {
     pub last: Option<f64>,
 }
 
+/// Why an instance has no serialised state.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum StateError {
+    /// The function that failed, and its status.
+    Status(&'static str, Status),
+    /// The state is too large.
+    Size(String),
+}
+
+impl StateError {
+    /// Memory for a state of the size that the FMU states, which may be wrong by any factor.
+    pub(super) fn buffer(size: usize) -> Result<Vec<u8>, StateError> {
+        match too_large(size as u64) {
+            Some(reason) => Err(StateError::Size(reason)),
+            None => Ok(vec![0; size]),
+        }
+    }
+}
+
 /// One instance of an FMU for co-simulation.
 pub trait Instance: Send {
     /// Calls `work` in configuration mode (FMI 3.0).
@@ -283,7 +336,7 @@ pub trait Instance: Send {
     /// From `t` to `t + step`, s.
     fn step(&mut self, t: f64, step: f64) -> Stepped;
     /// The serialised state.
-    fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)>;
+    fn serialise(&self) -> Result<Vec<u8>, StateError>;
     /// Restores the state.
     fn deserialise(&mut self, bytes: &[u8]) -> Result<(), (&'static str, Status)>;
     /// Terminates the simulation, if it has begun.

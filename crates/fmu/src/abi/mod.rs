@@ -13,7 +13,7 @@ mod threads;
 
 #[cfg(test)]
 pub use interface::Stepped;
-pub use interface::{Instance, Native, Status, Texts, Values};
+pub use interface::{Instance, Native, StateError, Status, Texts, Values};
 pub use library::LoadError;
 pub use log::{Log, to_standard_error};
 

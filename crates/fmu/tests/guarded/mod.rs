@@ -37,7 +37,7 @@ impl Instance for Exits {
     fn step(&mut self, _: f64, _: f64) -> Stepped {
         exit()
     }
-    fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
+    fn serialise(&self) -> Result<Vec<u8>, StateError> {
         exit()
     }
     fn deserialise(&mut self, _: &[u8]) -> Result<(), (&'static str, Status)> {
