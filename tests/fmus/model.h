@@ -16,7 +16,7 @@ typedef struct {
     char marker[256];
 } Model;
 
-enum { NO_FAULT, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LEAVES_FILE, NONDETERMINISTIC, CRASH_ONCE, WARN, UNSAVED, PRINT, THREAD, JOINED_THREAD, ROUNDS_UP, CALLS_ITSELF, HUGE_STATE };
+enum { NO_FAULT, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LEAVES_FILE, NONDETERMINISTIC, CRASH_ONCE, WARN, UNSAVED, PRINT, THREAD, JOINED_THREAD, ROUNDS_UP, CALLS_ITSELF, HUGE_STATE, TERMINATE_ERROR, TERMINATE_ABORT, NO_INSTANT };
 
 #ifndef FAULT
 #define FAULT NO_FAULT
@@ -49,6 +49,12 @@ static void start(Model *m) {
 /* As an object that is compiled with -ffast-math: it sets floating-point modes when it is loaded. */
 __attribute__((constructor)) static void load(void) {
     if (FAULT == ROUNDS_UP) fesetround(FE_UPWARD);
+}
+
+/* The status of the end of the simulation. */
+static int end(void) {
+    if (FAULT == TERMINATE_ABORT) abort();
+    return FAULT == TERMINATE_ERROR ? 3 : 0;
 }
 
 /* The status of the step. */

@@ -26,7 +26,7 @@ int fmi3EnterInitializationMode(void *c, bool d, double e, double t, bool s, dou
 int fmi3ExitInitializationMode(void *c) { (void)c; return 0; }
 int fmi3EnterConfigurationMode(void *c) { (void)c; return 0; }
 int fmi3ExitConfigurationMode(void *c) { (void)c; return 0; }
-int fmi3Terminate(void *c) { (void)c; return 0; }
+int fmi3Terminate(void *c) { (void)c; return end(); }
 int fmi3GetFloat64(void *c, const unsigned *vr, size_t n, double *v, size_t m) {
     Instance *i = c;
 #ifdef SIZE
@@ -68,6 +68,7 @@ int fmi3DoStep(void *c, double t, double h, bool keep, bool *event, bool *termin
     if (FAULT == CALLS_ITSELF && fmi3GetFloat64(c, &reference, 1, value, 1) != 0) status = 3;
     *event = *terminate = *early = false;
     *last = status == 2 ? t : t + h;
+    if (FAULT == NO_INSTANT) *last = NAN;
     if (status) i->logger(i->environment, status, "error", "the spring broke");
     return status;
 }

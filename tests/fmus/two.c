@@ -21,7 +21,7 @@ void fmi2FreeInstance(void *c) { free(c); }
 int fmi2SetupExperiment(void *c, int d, double e, double t, int s, double u) { (void)d; (void)e; (void)s; (void)u; ((Instance *)c)->model.t = t; return 0; }
 int fmi2EnterInitializationMode(void *c) { (void)c; return 0; }
 int fmi2ExitInitializationMode(void *c) { (void)c; return 0; }
-int fmi2Terminate(void *c) { (void)c; return 0; }
+int fmi2Terminate(void *c) { (void)c; return end(); }
 int fmi2GetReal(void *c, const unsigned *vr, size_t n, double *v) { for (size_t k = 0; k < n; k++) v[k] = ((Instance *)c)->model.value[vr[k]]; return 0; }
 int fmi2SetReal(void *c, const unsigned *vr, size_t n, const double *v) { for (size_t k = 0; k < n; k++) ((Instance *)c)->model.value[vr[k]] = v[k]; return 0; }
 int fmi2GetInteger(void *c, const unsigned *vr, size_t n, int *v) { (void)c; (void)vr; (void)n; (void)v; return 3; }

@@ -248,6 +248,37 @@ fn warnings_are_in_the_participants_log_in_every_way() {
 }
 
 #[test]
+fn failed_termination_is_a_line_in_the_log() {
+    for version in [2, 3] {
+        let folder = Folder::new("terminate");
+        let file = TestFmu {
+            fault: "TERMINATE_ERROR",
+            ..TestFmu::new(version)
+        }
+        .build(&folder, "bad");
+        for more in [&[][..], &["--in-process"]] {
+            let output = run(&folder, &file, "run.ports.inputs = []", more);
+            assert_eq!(output.code, Some(0), "{output:?}");
+            let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
+            assert!(log.contains("it at t = 1 s: Terminate returned Error"), "{more:?}: {log}");
+        }
+    }
+}
+
+#[test]
+fn instant_that_is_no_number_is_an_error() {
+    let folder = Folder::new("instant");
+    let file = TestFmu {
+        fault: "NO_INSTANT",
+        ..TestFmu::new(3)
+    }
+    .build(&folder, "bad");
+    let output = run(&folder, &file, "run.ports.inputs = []", &[]);
+    assert_eq!(output.code, Some(1), "{output:?}");
+    assert!(output.err.contains("came to t = NaN s"), "{output:?}");
+}
+
+#[test]
 fn endless_step_is_ended_by_patience() {
     let folder = Folder::new("endless");
     let file = TestFmu {

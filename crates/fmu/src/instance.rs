@@ -253,14 +253,25 @@ impl Running {
     }
 }
 
-impl Drop for Running {
-    fn drop(&mut self) {
+impl Running {
+    /// Terminates the simulation, if it has begun and has not failed.
+    ///
+    /// # Errors
+    /// The FMU's error: nothing depends on the FMU any more.
+    pub fn terminate(&mut self) -> Result<(), Failure> {
         let unsaved = self.unsaved.get();
         self.fatal |= unsaved == Status::Fatal;
-        if self.stepping && (unsaved.succeeded() || unsaved == Status::Discard) {
-            let status = self.instance.terminate();
-            self.fatal |= status == Status::Fatal;
+        if !std::mem::replace(&mut self.stepping, false) || !(unsaved.succeeded() || unsaved == Status::Discard) {
+            return Ok(());
         }
+        let status = self.instance.terminate();
+        self.check_status("Terminate", status)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.terminate();
         // After Fatal no function may be called; the memory is released when the process ends.
         if !self.fatal {
             self.instance.free();
@@ -344,7 +355,7 @@ mod tests {
         for last in [None, Some(0.75), Some(0.75 + 1e-9)] {
             assert_eq!(step(last), Ok(()), "{last:?}");
         }
-        for last in [0.5, 0.7, 0.8, f64::INFINITY] {
+        for last in [0.5, 0.7, 0.8, f64::INFINITY, f64::NAN] {
             let error = step(Some(last)).unwrap_err();
             assert!(
                 error.contains(&format!("came to t = {last} s")) && error.contains("0.75 s"),

@@ -3,7 +3,9 @@
 use std::cell::RefCell;
 use std::path::Path;
 
-use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::participant::{
+    Failure, Inputs, Interface, Log, Outputs, ParameterError, Participant, Setup, Step, Termination,
+};
 use lockstep::wire;
 use serde::{Deserialize, Serialize};
 
@@ -257,6 +259,15 @@ impl Participant for Fmu {
         let done = self.advance(step.t, inputs, outputs);
         self.forward_log(outputs);
         done
+    }
+
+    fn terminate(&mut self, _: Termination, log: &Log) {
+        let Some(running) = &mut self.running else { return };
+        let ended = running.terminate();
+        running.take_log_messages(|line| log.write(line));
+        if let Err(failure) = ended {
+            log.write(failure);
+        }
     }
 
     fn save(&self) -> Option<Vec<u8>> {

@@ -73,6 +73,9 @@ functions! {
     }
 }
 
+/// The bits of an instant that the FMU has not written: a NaN that no computation gives.
+const UNWRITTEN: u64 = 0x7ff8_6e6f_7468_696e;
+
 /// An instance.
 pub struct Fmi3Instance {
     instance: Pointer,
@@ -292,8 +295,8 @@ impl Instance for Fmi3Instance {
     }
 
     fn step(&mut self, t: f64, step: f64) -> Stepped {
-        // Bytes, not `bool`: the FMU may write any value. An instant that it does not write stays unknown.
-        let (mut event, mut terminate, mut early, mut last) = (0_u8, 0_u8, 0_u8, f64::NAN);
+        // Bytes, not `bool`: the FMU may write any value. An instant that it does not write stays unknown; one that it writes may be NaN too.
+        let (mut event, mut terminate, mut early, mut last) = (0_u8, 0_u8, 0_u8, UNWRITTEN);
         let do_step = self.functions.do_step;
         // SAFETY: the instance is alive and initialised.
         let status = unsafe {
@@ -305,14 +308,14 @@ impl Instance for Fmi3Instance {
                 &raw mut event,
                 &raw mut terminate,
                 &raw mut early,
-                &raw mut last,
+                (&raw mut last).cast(),
             )
         };
         Stepped {
             status: Status::of(status),
             terminate: terminate != 0,
             early: early != 0,
-            last: (!last.is_nan()).then_some(last),
+            last: (last != UNWRITTEN).then(|| f64::from_bits(last)),
         }
     }
 
