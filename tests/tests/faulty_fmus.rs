@@ -262,6 +262,15 @@ fn failed_termination_is_a_line_in_the_log() {
             let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
             assert!(log.contains("it at t = 1 s: Terminate returned Error"), "{more:?}: {log}");
         }
+        let file = TestFmu {
+            fault: "TERMINATE_ABORT",
+            ..TestFmu::new(version)
+        }
+        .build(&folder, "bad");
+        let output = run(&folder, &file, "run.ports.inputs = []", &[]);
+        assert_eq!(output.code, Some(0), "{output:?}");
+        let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
+        assert!(log.contains("it: its process was ended by signal 6 (abort) in `terminate`"), "{log}");
     }
 }
 

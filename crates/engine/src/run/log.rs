@@ -4,7 +4,7 @@
 //! that the thread stops reading, and the participant blocks in its next write until the supervisor ends it. So the bound holds
 //! whatever the supervisor waits for, and however fast the participant writes.
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{self, PipeReader, PipeWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -67,6 +67,12 @@ impl Log {
                 .finished_signal
                 .wait_timeout_while(finished, COMPLETION_TIMEOUT, |finished| !*finished),
         );
+    }
+
+    /// Adds a line of this program. To be called when the log is complete; without a file there is none.
+    pub(crate) fn append(&self, line: &str) {
+        let file = OpenOptions::new().append(true).open(&self.path);
+        let _ = file.and_then(|mut file| file.write_all(line.as_bytes()));
     }
 
     /// The last lines of the log.

@@ -188,15 +188,24 @@ impl ParticipantProcess {
         self.wait_then_kill(&mut Timeout::new(grace));
     }
 
-    /// Waits for the process to exit until `grace` is over, then kills it.
+    /// Waits for the process to exit until `grace` is over, then kills it. A signal that ends it before is a line in its log: nothing else
+    /// tells that it has failed in `terminate`.
     pub fn wait_then_kill(&mut self, grace: &mut Timeout) {
+        let was_over = self.status.is_some();
         while self.exit_status().is_none() && !grace.is_over() {
             std::thread::sleep(Duration::from_micros(300));
         }
-        if self.exit_status().is_none() {
-            let _ = self.child.kill();
-            self.status = self.child.wait().ok();
-            self.log.wait_complete();
+        match self.exit_status() {
+            Some(status) if !was_over && status.signal().is_some() => {
+                let how = Self::describe_exit(status);
+                self.log.append(&format!("{}: its process {how} in `terminate` or after it\n", self.name));
+            }
+            Some(_) => {}
+            None => {
+                let _ = self.child.kill();
+                self.status = self.child.wait().ok();
+                self.log.wait_complete();
+            }
         }
     }
 }
