@@ -260,7 +260,10 @@ fn failed_termination_is_a_line_in_the_log() {
             let output = run(&folder, &file, "run.ports.inputs = []", more);
             assert_eq!(output.code, Some(0), "{output:?}");
             let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
-            assert!(log.contains("it at t = 1 s: Terminate returned Error"), "{more:?}: {log}");
+            assert!(
+                log.contains("it at t = 1 s: Terminate returned Error"),
+                "{more:?}: {log}"
+            );
         }
         let file = TestFmu {
             fault: "TERMINATE_ABORT",
@@ -270,7 +273,10 @@ fn failed_termination_is_a_line_in_the_log() {
         let output = run(&folder, &file, "run.ports.inputs = []", &[]);
         assert_eq!(output.code, Some(0), "{output:?}");
         let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
-        assert!(log.contains("it: its process was ended by signal 6 (abort) in `terminate`"), "{log}");
+        assert!(
+            log.contains("it: its process was ended by signal 6 (abort) in `terminate`"),
+            "{log}"
+        );
     }
 }
 

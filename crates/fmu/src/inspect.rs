@@ -43,6 +43,9 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
     describe_capabilities(&model, &mut text);
     let mut problems = about.problems.clone();
     let settings = Settings::read(about, &toml::Table::new());
+    if let Ok(settings) = &settings {
+        problems.extend(empty_arrays_note(about, settings));
+    }
     let layout = settings.and_then(|settings| Layout::new(about, &Options::default(), &settings));
     match &layout {
         Ok(layout) => {
@@ -95,6 +98,21 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
         text,
         scenario: scenario(about, file),
         usable: library.is_ok() && layout.is_ok(),
+    })
+}
+
+/// A note on the inputs and outputs that are arrays without elements.
+fn empty_arrays_note(about: &Description, settings: &Settings) -> Option<String> {
+    let signals = (about.variables.iter()).filter(|one| matches!(one.causality, Causality::Input | Causality::Output));
+    let empty: Vec<&str> = signals
+        .filter(|one| settings.is_empty(one))
+        .map(|one| one.name.as_str())
+        .collect();
+    (!empty.is_empty()).then(|| {
+        format!(
+            "in no port, because they are arrays without elements; a structural parameter that is their size gives them some: {}",
+            empty.join(", ")
+        )
     })
 }
 

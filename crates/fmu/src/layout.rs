@@ -262,6 +262,7 @@ impl<'a> Planner<'a> {
             .iter()
             .filter(|one| one.causality == causality);
         let own = own.filter(|one| !may_lack_value(self.description, one));
+        let own = own.filter(|one| !self.settings.is_empty(one));
         let signals = own.filter(|one| element(version, one).is_some_and(|one| one.room().is_none()));
         let mut fields = signals
             .map(|one| self.field(one.name.clone(), vec![one], false, (None, "", (None, None))))

@@ -116,11 +116,24 @@ impl Settings {
         Ok(())
     }
 
+    /// Whether it is an array without elements, which is no signal.
+    pub fn is_empty(&self, variable: &Variable) -> bool {
+        variable.extents.iter().any(|extent| match extent {
+            Extent::Fixed(extent) => *extent == 0,
+            Extent::Parameter(reference) => self.extents.get(reference) == Some(&0),
+        })
+    }
+
     /// The extents of an array.
     ///
     /// # Errors
     /// When one is unknown or zero, or the array too large.
     pub fn shape(&self, variable: &Variable) -> Result<Vec<u32>, String> {
+        if self.is_empty(variable) {
+            return Err(
+                "it is an array without elements: leave it out, or make the structural parameter that is its size 1 at least".to_owned(),
+            );
+        }
         let mut count = 1_u64;
         let mut shape = Vec::new();
         for extent in &variable.extents {
@@ -134,9 +147,6 @@ impl Settings {
                 .checked_mul(extent)
                 .filter(|count| *count <= VALUES_MAX)
                 .ok_or_else(|| format!("it has more than {VALUES_MAX} elements"))?;
-            if extent == 0 {
-                return Err("it has no elements".to_owned());
-            }
             shape.push(extent as u32);
         }
         Ok(shape)
@@ -158,9 +168,16 @@ impl Settings {
             }
             Type::Binary => {
                 let bytes = value.as_str().and_then(hexadecimal);
-                return bytes
-                    .map(Content::Bytes)
-                    .ok_or_else(|| format!("{value} is not bytes; write them in hexadecimal, such as \"666f6f\""));
+                let bytes = bytes
+                    .ok_or_else(|| format!("{value} is not bytes; write them in hexadecimal, such as \"666f6f\""))?;
+                let most = variable.range.max.as_ref().and_then(|most| most.parse::<usize>().ok());
+                if let Some(most) = most.filter(|most| bytes.len() > *most) {
+                    return Err(format!(
+                        "it has {} bytes; the FMU takes {most} at most (`maxSize`)",
+                        bytes.len()
+                    ));
+                }
+                return Ok(Content::Bytes(bytes));
             }
             _ => {}
         }

@@ -209,3 +209,39 @@ fn unit_is_whole_text_after_number() {
         assert_eq!(set(&about, right), Ok(value), "{right}");
     }
 }
+
+#[test]
+fn array_without_elements_is_in_no_default_port_and_is_refused_by_name() {
+    let about = described(
+        r#"<UInt64 name="n" valueReference="1" causality="structuralParameter" variability="fixed" start="0"/>
+           <Float64 name="all" valueReference="2" causality="output"><Dimension valueReference="1"/></Float64>
+           <Float64 name="y" valueReference="3" causality="output"/>"#,
+    );
+    let fields = |parameters: &str, options: &str| {
+        let settings = Settings::read(&about, &toml::from_str(parameters).unwrap()).unwrap();
+        let options = Options::read(&toml::from_str(options).unwrap()).unwrap();
+        let layout = Layout::new(&about, &options, &settings).map_err(|error| error.to_string())?;
+        let fields = layout.interface.outputs[0].descriptor.fields.iter();
+        Ok::<Vec<String>, String>(fields.map(|field| field.name.clone()).collect())
+    };
+    assert_eq!(fields("", "").unwrap(), ["y"]);
+    assert_eq!(fields("n = 2", "").unwrap(), ["all", "y"]);
+    let error = fields("", "ports.outputs = [\"all\"]").unwrap_err();
+    assert!(
+        error.contains("`all`: it is an array without elements") && error.contains("leave it out"),
+        "{error}"
+    );
+}
+
+#[test]
+fn binary_longer_than_its_size_is_refused() {
+    let about =
+        described(r#"<Binary name="b" valueReference="1" causality="parameter" variability="fixed" maxSize="2"/>"#);
+    let read = |text: &str| Settings::read(&about, &toml::from_str(text).unwrap());
+    assert!(read("b = \"0102\"").is_ok());
+    let error = read("b = \"010203\"").unwrap_err().to_string();
+    assert!(
+        error.contains("b") && error.contains("3 bytes; the FMU takes 2 at most"),
+        "{error}"
+    );
+}

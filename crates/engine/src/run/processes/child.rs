@@ -198,7 +198,10 @@ impl ParticipantProcess {
         match self.exit_status() {
             Some(status) if !was_over && status.signal().is_some() => {
                 let how = Self::describe_exit(status);
-                self.log.append(&format!("{}: its process {how} in `terminate` or after it\n", self.name));
+                self.log.append(&format!(
+                    "{}: its process {how} in `terminate` or after it\n",
+                    self.name
+                ));
             }
             Some(_) => {}
             None => {
