@@ -1,5 +1,7 @@
 //! The ports of an FMU, and how their payloads become values of its variables.
 
+use std::collections::{HashMap, HashSet};
+
 use lockstep::participant::{Input, Inputs, Interface, Kind, Output, Outputs, ParameterError};
 use lockstep::port::{Descriptor, Element, Field};
 
@@ -134,6 +136,8 @@ struct Planner<'a> {
     description: &'a Description,
     settings: &'a Settings,
     layout: Layout,
+    /// The inputs that a field sets, by their transfer and reference.
+    set: HashMap<(usize, u32), &'a str>,
 }
 
 impl Layout {
@@ -150,6 +154,7 @@ impl Layout {
         let mut planner = Planner {
             description,
             settings,
+            set: HashMap::new(),
             layout: Layout {
                 interface: Interface::new(kind),
                 inputs: Vec::new(),
@@ -422,13 +427,13 @@ impl<'a> Planner<'a> {
 
     /// A field that has one name of its variable has the others too, unless another field has them.
     fn add_aliases(&mut self, port: &str, fields: &[PlannedField<'a>]) {
-        let taken = |name: &str| fields.iter().any(|planned| planned.field.name == name);
+        let taken: HashSet<&str> = fields.iter().map(|planned| planned.field.name.as_str()).collect();
         for planned in fields {
             let field = &planned.field.name;
             if let [variable] = planned.variables[..]
                 && variable.names().any(|name| name == field)
             {
-                let others = variable.names().filter(|&name| !taken(name));
+                let others = variable.names().filter(|name| !taken.contains(name));
                 others.for_each(|name| self.layout.aliases.add(port, name, field));
             }
         }
@@ -459,10 +464,8 @@ impl<'a> Planner<'a> {
                     transfers.len() - 1
                 });
             let transfer = &mut transfers[at];
-            let same = |reference: &u32| *reference == variable.reference;
-            if let (true, Some(other)) = (input, transfer.values.references.iter().position(same)) {
-                // There is one slot for each reference, in the same order.
-                return Err(set_twice_text(&transfer.slots[other].name, variable));
+            if input && let Some(other) = self.set.insert((at, variable.reference), &variable.name) {
+                return Err(set_twice_text(other, variable));
             }
             let first = transfer.values.count;
             transfer.values.push(variable.reference, each);

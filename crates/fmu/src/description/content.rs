@@ -1,6 +1,6 @@
 //! The content of a model description.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::units::Unit;
 use super::variable::{Type, Variable};
@@ -71,17 +71,25 @@ pub struct Description {
     pub differences: BTreeMap<String, Unit>,
     /// The variables in the order of the file.
     pub variables: Vec<Variable>,
+    /// The index of the variable of each name: an FMU may have a hundred thousand.
+    pub(super) by_name: HashMap<String, usize>,
     /// The names of the log categories.
     pub log_categories: Vec<String>,
     /// Mistakes in it that can be tolerated.
     pub problems: Vec<String>,
 }
 
+/// The index of the variable of each name, among `variables`.
+pub(super) fn by_name(variables: &[Variable]) -> HashMap<String, usize> {
+    let all = variables.iter().enumerate();
+    all.flat_map(|(index, variable)| variable.names().map(move |name| (name.to_owned(), index)))
+        .collect()
+}
+
 impl Description {
     /// The variable called `name`, by its own name or by an alias.
     pub fn variable(&self, name: &str) -> Option<&Variable> {
-        let called = |variable: &&Variable| variable.names().any(|own| own == name);
-        self.variables.iter().find(called)
+        self.by_name.get(name).map(|&index| &self.variables[index])
     }
 
     /// The identity of the variable's value: variables with equal identities share one value. In FMI 2.0 each type has its

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::content::{Capabilities, Description, Experiment, Version};
+use super::content::{Capabilities, Description, Experiment, Version, by_name};
 use super::experiment::discard_invalid_times;
 use super::literals;
 use super::nodes::{child, elements, range, text_of, type_of, words};
@@ -178,6 +178,7 @@ impl<'a> Reader<'a> {
                 .filter_map(|(name, unit)| Some((name.clone(), unit.of_differences()?)))
                 .collect(),
             units,
+            by_name: by_name(&variables),
             variables,
             log_categories: categories.map(str::to_owned).collect(),
             problems: self.problems,

@@ -1,5 +1,6 @@
 //! The description of a port's payload.
 
+use std::collections::HashSet;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -245,7 +246,8 @@ impl Descriptor {
             });
         }
         let mut end = 0_u64;
-        for (at, field) in self.fields.iter().enumerate() {
+        let mut names = HashSet::new();
+        for field in &self.fields {
             let refuse = |reason| {
                 Err(DescriptorError::Field {
                     message: self.name.clone(),
@@ -257,7 +259,7 @@ impl Descriptor {
             if field.name.is_empty() {
                 return refuse("a field needs a name");
             }
-            if self.fields[..at].iter().any(|earlier| earlier.name == field.name) {
+            if !names.insert(field.name.as_str()) {
                 return refuse("the name is used twice");
             }
             let count = field
