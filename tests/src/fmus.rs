@@ -58,6 +58,10 @@ impl TestFmu {
         compiler
             .arg(root().join("tests/fmus").join(source))
             .args(["-lm", "-pthread"]);
+        let helper = self
+            .helper
+            .map(|number| helper_library(&folder.path().join(name), number));
+        compiler.args(helper.iter().flat_map(|helper| link_arguments(helper)));
         let output = compiler.output().expect("a C compiler can be started");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let code = std::fs::read(&library).expect("the compiler has written it");
