@@ -10,7 +10,7 @@ use crate::program::root;
 /// benches) may link anything, and no package may link it.
 pub const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 26] = [
     ("allocation", &[]),
-    ("exit-guard", &[]),
+    ("foreign-calls", &[]),
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &[]),
@@ -18,9 +18,9 @@ pub const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 26] = [
     ("synthesis", &["multibody"]),
     ("interfaces", &["lockstep", "multibody"]),
     ("tape", &["lockstep"]),
-    ("fmu", &["exit-guard", "lockstep"]),
+    ("fmu", &["foreign-calls", "lockstep"]),
     ("ssp", &["fmu", "lockstep"]),
-    ("plugin", &["exit-guard", "lockstep"]),
+    ("plugin", &["foreign-calls", "lockstep"]),
     ("testing", &["allocation"]),
     ("sampling", &["lockstep"]),
     ("report", &["lockstep", "multibody", "tape"]),

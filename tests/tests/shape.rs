@@ -103,7 +103,7 @@ fn unsafe_code_is_in_few_packages_and_always_documented() {
         "engine",
         "escapement-c",
         "escapement-python",
-        "exit-guard",
+        "foreign-calls",
         "fmu",
         "fmu-export",
         "lockstep",

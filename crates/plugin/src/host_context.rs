@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use exit_guard::{Guard, with_default_modes};
+use foreign_calls::{Guard, with_default_modes};
 use lockstep::participant::{Input, Interface, Kind, Log, Output, ParameterError, Setup, state::too_large};
 use lockstep::port::Descriptor;
 use lockstep::random::Stream;

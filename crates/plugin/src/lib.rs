@@ -42,7 +42,7 @@ pub use parameters::{Found, NO_PARTICIPANT, Parameters};
 pub unsafe fn host(table: *const table::Table) -> ExitCode {
     // SAFETY: guaranteed by the caller.
     let checked = unsafe { table::check(table) };
-    let own = exit_guard::FloatModes::take();
+    let own = foreign_calls::FloatModes::take();
     if let Ok(table) = &checked {
         modes::keep(table, own);
     }

@@ -4,7 +4,7 @@ use std::ffi::{CStr, CString, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use exit_guard::{Guard, check_helpers};
+use foreign_calls::{Guard, check_helpers};
 
 use crate::LoadError;
 use crate::modes;

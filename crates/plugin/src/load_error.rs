@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use exit_guard::HelperConflict;
+use foreign_calls::HelperConflict;
 
 use crate::table::TableError;
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use exit_guard::FloatModes;
+use foreign_calls::FloatModes;
 
 use crate::table::Table;
 

@@ -4,7 +4,7 @@ use std::ffi::{CString, c_char, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use exit_guard::Guard;
+use foreign_calls::Guard;
 
 use super::interface::{Instance, Native, StateError, Status, Stepped, Texts, Values, failure_categories};
 use super::library::{Library, LoadError, functions};

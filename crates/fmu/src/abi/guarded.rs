@@ -1,7 +1,7 @@
 //! An instance whose calls are guarded: it has floating-point modes of its own, and where it shares its process with others, a call of
 //! `exit` in one of its functions is a failure of the process.
 
-use exit_guard::Guard;
+use foreign_calls::Guard;
 
 use super::interface::{Instance, StateError, Status, Stepped, Texts, Values};
 

@@ -5,7 +5,7 @@ use std::ffi::{CStr, CString, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use exit_guard::{Guard, HelperConflict, check_helpers};
+use foreign_calls::{Guard, HelperConflict, check_helpers};
 
 use super::threads;
 

@@ -1,6 +1,6 @@
 //! Foreign code that changes the floating-point modes changes its own only.
 
-use exit_guard::{FloatModes, Guard, with_default_modes};
+use foreign_calls::{FloatModes, Guard, with_default_modes};
 
 unsafe extern "C" {
     fn fesetround(mode: i32) -> i32;

@@ -2,7 +2,7 @@
 
 use std::process::{Command, Output};
 
-use exit_guard::Guard;
+use foreign_calls::Guard;
 
 const SCENARIO: &str = "EXIT_GUARD_WAY";
 
