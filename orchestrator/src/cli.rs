@@ -111,7 +111,7 @@ pub enum Command {
     /// With --of and --compute the command computes one figure; the options are the keys of a table [measures.NAME] (docs/scenarios.md). With
     /// --measures it computes every measure that another scenario file declares, and with neither those of the run's own scenario.
     ///
-    /// Exit codes: 0 measured, and every limit is kept; 3 a limit is not kept; 2 the command line does not fit the tape, or the tape cannot be
+    /// Exit codes: 0 every criterion is met, or there is none; 3 a criterion is not met; 2 the command line does not fit the tape, or the tape cannot be
     /// read.
     Measure(MeasureArgs),
     /// Run one participant of a recorded run again, and compare its outputs with the tape

@@ -133,7 +133,7 @@ impl Agent {
                 let given = run.active()?.answer_at(number, payload);
                 if !given.map_err(|failure| errors::run(py, &failure))? {
                     return Err(PyValueError::new_err(format!(
-                        "`{}` does not stand before an activation",
+                        "`{}` is not paused before a step",
                         self.name
                     )));
                 }

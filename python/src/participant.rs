@@ -114,7 +114,7 @@ impl PyParticipant {
             serde_json::from_str(&described).map_err(|error| unusable(format!("its ports cannot be read: {error}")))?;
         interface
             .validate()
-            .map_err(|error| unusable(format!("it describes ports that cannot be: {error}")))?;
+            .map_err(|error| unusable(format!("it describes invalid ports: {error}")))?;
         let (of_inputs, of_outputs): (Vec<Bound<'_, PyAny>>, Vec<Bound<'_, PyAny>>) =
             maker.call_method1("_memory", (&object,))?.extract()?;
         let sizes = interface.inputs.iter().map(|port| port.descriptor.size as usize);

@@ -200,7 +200,7 @@ fn other_protocol_version_is_refused() {
 
 #[test]
 fn invalid_ports_are_refused() {
-    assert_violation_reported("gap", &["`damper`", "describes ports that cannot be"]);
+    assert_violation_reported("gap", &["`damper`", "describes invalid ports"]);
 }
 
 #[test]

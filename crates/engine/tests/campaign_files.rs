@@ -295,7 +295,7 @@ fn points_of_grids_and_matrices_are_no_sample() {
         (format!("points = 8\nseeds = 'same'\n{uniform}"), true),
         (format!("points = 8\ndesign = 'latin-hypercube'\n{uniform}"), true),
         (format!("points = 8\n{constant}"), true),
-        (format!("points = 8\nseeds = 'same'\n{constant}"), false),
+        (format!("seeds = 'same'\n{grid}"), false),
         (format!("points = 8\n{uniform}{grid}"), false),
         (format!("points = 8\ndesign = 'saltelli'\n{uniform}"), false),
     ] {

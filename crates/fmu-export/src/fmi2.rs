@@ -57,7 +57,7 @@ pub unsafe fn instantiate(
         return std::ptr::null_mut();
     }
     if kind != CO_SIMULATION {
-        log.write(Status::Error, "it is for co-simulation alone");
+        log.write(Status::Error, "only co-simulation is supported");
         return std::ptr::null_mut();
     }
     let made = catch_unwind(AssertUnwindSafe(|| {

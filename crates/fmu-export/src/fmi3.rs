@@ -57,7 +57,7 @@ pub unsafe fn instantiate(
 /// # Safety
 /// `logger` has the type of the standard.
 pub unsafe fn no_instance(environment: *mut c_void, logger: Option<LoggerFmi3>) -> Pointer {
-    Log::Fmi3(logger, environment).write(Status::Error, "it is for co-simulation alone");
+    Log::Fmi3(logger, environment).write(Status::Error, "only co-simulation is supported");
     std::ptr::null_mut()
 }
 

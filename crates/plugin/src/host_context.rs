@@ -151,7 +151,7 @@ impl HostData {
         match interface.validate() {
             Ok(()) => Ok(interface),
             Err(error) => {
-                let reason = format!("it describes ports that cannot be: {error}");
+                let reason = format!("it describes invalid ports: {error}");
                 Err(ParameterError::new(crate::NO_PARTICIPANT, reason))
             }
         }

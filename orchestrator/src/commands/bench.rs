@@ -57,7 +57,7 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
     row("  one loop / a process each", &ahead.looped.ratios_to(&ahead.processes));
 
     if args.deaths > 0 {
-        println!("\nfrom kill -9 of a participant to the orchestrator's knowing it, ms");
+        println!("\nfrom kill -9 of a participant to its detection, ms");
         let many = args.participants.max(2);
         for (name, size, pace, count) in [
             ("ring of 2, as fast as it can", 2, None, args.deaths),

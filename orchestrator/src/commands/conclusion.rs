@@ -260,7 +260,7 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
     }
     if finished.results.len() < finished.identity.points {
         println!(
-            "enough is known after {} of {} points",
+            "the stopping rule is reached after {} of {} points",
             finished.results.len(),
             finished.identity.points
         );

@@ -140,7 +140,7 @@ impl Faults {
         Ok(Self(faults))
     }
 
-    /// The fault of `unit` at `t`, s; the last active one in the list applies.
+    /// The fault of `actuator` at `t`, s; the last active one in the list applies.
     pub fn effect(&self, t: f64, actuator: Actuator) -> Option<Effect> {
         self.0
             .iter()

@@ -76,7 +76,7 @@ pub enum Absent {
     #[error("the figure is larger than a double holds")]
     Overflow,
     /// The threshold is not reached.
-    #[error("the value does not get to the threshold")]
+    #[error("the value does not reach the threshold")]
     NeverThere,
     /// The band is left at the end, or never entered.
     #[error("the value is {value}, outside the band, at the end of the window, t = {t_s} s")]

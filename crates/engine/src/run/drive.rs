@@ -115,7 +115,7 @@ impl Run {
             ));
         }
         if ticks == self.now {
-            self.reject_if_held("let it on to a later instant")?;
+            self.reject_if_held("continue to a later instant first")?;
         }
         self.run_to_tick(ticks)
     }
@@ -154,7 +154,7 @@ impl Run {
     pub(super) fn over_failure(&self) -> RunFailure {
         let how = self.over.as_ref().and_then(|over| over.ending.words());
         RunFailure::Over {
-            how: how.unwrap_or_else(|| format!("it has come to its end at {}", self.now())),
+            how: how.unwrap_or_else(|| format!("it ended at {}", self.now())),
         }
     }
 
@@ -320,7 +320,7 @@ impl Run {
             Err(RunFailure::Instant { time, reason })
         };
         if checkpoint.run != self.number {
-            return refuse("is the instant of a checkpoint of another run: a run goes back to its own alone");
+            return refuse("is the instant of a checkpoint of another run: a run can restore only its own checkpoints");
         }
         if !self.valid_checkpoints.contains(&checkpoint.number) {
             return refuse(

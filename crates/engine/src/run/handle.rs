@@ -235,7 +235,7 @@ impl Run {
         self.advance(bound);
     }
 
-    /// As [`Run::go`], but a participant that is to be held stops the run before its step.
+    /// As [`Run::run_until`], but a participant that is to be held stops the run before its step.
     pub(super) fn advance(&mut self, bound: Option<Ticks>) {
         if self.over.is_some() {
             return;

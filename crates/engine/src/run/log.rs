@@ -115,7 +115,7 @@ impl LogCopier {
         self.finished_signal.notify_all();
     }
 
-    /// Copies the pipe into `file`; returns the pipe if more than `most` bytes came.
+    /// Copies the pipe into `file`; returns the pipe if more than `max_bytes` bytes came.
     fn copy_until_full(&self, mut reader: PipeReader, mut file: impl Write, max_bytes: u64) -> Option<PipeReader> {
         let mut left = max_bytes;
         let mut chunk = vec![0; CHUNK_BYTES];

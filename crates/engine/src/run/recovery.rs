@@ -146,7 +146,7 @@ impl Processes {
             if timeout.is_over() {
                 let process = &mut self.handles[number].process;
                 let limit = timeout.limit_s();
-                let reason = format!("process {} did not come to rest within {limit} s", process.pid());
+                let reason = format!("process {} did not pause within {limit} s", process.pid());
                 process.shut_down(Duration::ZERO);
                 failed_participants.push(FailedParticipant { number, reason });
             }

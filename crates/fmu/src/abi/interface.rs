@@ -321,7 +321,7 @@ impl StateError {
 
 /// One instance of an FMU for co-simulation.
 pub trait Instance: Send {
-    /// Calls `work` in configuration mode (FMI 3.0).
+    /// Enters configuration mode, or leaves it if `entering` is false (FMI 3.0).
     fn configure(&mut self, entering: bool) -> Status;
     /// Sets the start time, and enters initialization mode.
     fn enter_initialisation(&mut self, start: f64, tolerance: Option<f64>) -> Result<(), (&'static str, Status)>;

@@ -321,11 +321,6 @@ impl DeliveryRule {
     pub fn hold(&self) -> Hold {
         self.hold
     }
-
-    /// The instant from which sample `k` can be seen, if it ever can, ticks.
-    pub fn visible_from(&self, k: u64) -> Option<Ticks> {
-        (!self.is_dropped(k)).then(|| self.producer.instant(k).saturating_add(self.delay(k)))
-    }
 }
 
 #[cfg(test)]

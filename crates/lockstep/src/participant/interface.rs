@@ -153,7 +153,7 @@ impl Interface {
             .find(|port| !theirs.iter().any(|other| other.0 == port.0 && other.1 == port.1));
         extra
             .map(|(direction, name, _)| format!("it has the {direction} `{name}`, which is not expected"))
-            .or_else(|| (mine != theirs).then(|| "its ports stand in another order".to_owned()))
+            .or_else(|| (mine != theirs).then(|| "its ports are in a different order".to_owned()))
     }
 }
 

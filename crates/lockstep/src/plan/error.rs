@@ -199,7 +199,7 @@ pub enum PlanError {
     },
     /// The search for loops was abandoned.
     #[error(
-        "the zero-delay connections between sampled participants have too many circles to check: give some of them a delay"
+        "the zero-delay connections between sampled participants have too many cycles to check: give some of them a delay"
     )]
     TooManyCycles,
 }

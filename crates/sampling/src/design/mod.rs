@@ -52,9 +52,6 @@ impl Coordinate {
     }
 }
 
-/// Number of bits of a Sobol' point that the sequence determines.
-pub const SOBOL_BITS: u32 = sobol::BITS;
-
 /// Point `k` of dimension `dimension` without scrambling, as a multiple of 2^-32. `None` from [`DIMENSIONS`] on.
 pub fn unscrambled_sobol(dimension: usize, k: u64) -> Option<u32> {
     Some(sobol::Sequence::new(dimension)?.at(k))

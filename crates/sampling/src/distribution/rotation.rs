@@ -26,7 +26,7 @@ pub fn misalignment(deviation: f64, u: [f64; 3]) -> [f64; 3] {
     u.map(|u| deviation * quantile(u))
 }
 
-/// The rotation about the vector `turn` by its length, rad.
+/// The rotation about the vector `rotation_vector` by its length, rad.
 pub fn rotation_from_vector(rotation_vector: [f64; 3]) -> Quaternion {
     let angle = libm::sqrt(rotation_vector.iter().map(|x| x * x).sum());
     // sin(x/2)/x, with the limit 1/2 at zero.

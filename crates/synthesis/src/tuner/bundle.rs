@@ -109,7 +109,7 @@ pub(crate) fn finish<E>(
     Ok(value)
 }
 
-/// Keeps at most `most` of the cuts, and all with nonzero weight. Of those without weight the oldest are removed first.
+/// Keeps at most `cuts_max` of the cuts, and all with nonzero weight. Of those without weight the oldest are removed first.
 fn prune_cuts(cuts: &mut Vec<Cut>, weights: &[f64], cuts_max: usize) {
     let mut keep: Vec<bool> = weights.iter().map(|l| *l > 1e-6).collect();
     let mut free_slots = cuts_max.saturating_sub(keep.iter().filter(|k| **k).count());

@@ -134,7 +134,7 @@ impl ClockController {
         self.schedule.put_back(now, action);
     }
 
-    /// The run goes back: the substitutions from number `substituted` on are still to come.
+    /// The run goes back: the substitutions from number `done` on are still to come.
     pub(crate) fn rewind(&mut self, scenario: &Scenario, plan: &Plan, done: usize) {
         self.schedule.rewind(scenario, plan, done);
         // Substitutes are started where all participants are paused, and the newest stop may be before the granted time.

@@ -72,7 +72,7 @@ impl Pace {
         }
     }
 
-    /// The instant that has come, at most `most`: a run that was held there, or suspended, does not catch up afterwards.
+    /// The instant that has come, at most `limit`: a run that was limited or suspended does not catch up afterwards.
     pub(crate) fn reached(&mut self, limit: Ticks, now: u64) -> Ticks {
         let now = self.check_suspension(|| now);
         let reached = self.stretches.back().map_or(limit, |last| {

@@ -28,7 +28,7 @@ fn check_hello_reply(handle: &ParticipantHandle, reply: Reply) -> Result<(), Run
         Reply::Hello { protocol, program } => Err(handle.participant_failure(format!(
             "`{program}` speaks version {protocol} of the protocol; this orchestrator speaks {PROTOCOL}"
         ))),
-        other => Err(handle.participant_failure(format!("answered the greeting with {other:?}"))),
+        other => Err(handle.participant_failure(format!("sent an unexpected reply to Hello: {other:?}"))),
     }
 }
 
@@ -104,7 +104,7 @@ fn interface_from_reply(
     };
     interface
         .validate()
-        .map_err(|error| handle.participant_failure(format!("describes ports that cannot be: {error}")))?;
+        .map_err(|error| handle.participant_failure(format!("describes invalid ports: {error}")))?;
     if let Some(difference) = known.and_then(|known| interface.difference(known)) {
         return Err(handle.participant_failure(format!("describes other ports than expected: {difference}")));
     }

@@ -342,7 +342,7 @@ fn when(request: &Request) -> &'static str {
 fn unusable_reply(process: &ParticipantProcess, when: &str, broken: &TransportError) -> RunFailure {
     RunFailure::Participant {
         participant: process.name.clone(),
-        reason: quoted(&format!("gave no answer that can be used {when}: {broken}")),
+        reason: quoted(&format!("sent an invalid reply {when}: {broken}")),
     }
 }
 

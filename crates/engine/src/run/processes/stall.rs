@@ -85,7 +85,10 @@ pub(crate) fn diagnose(
             );
             (name, diagnosis)
         }
-        None => (ORCHESTRATOR.to_owned(), "no participant owes anything".to_owned()),
+        None => (
+            ORCHESTRATOR.to_owned(),
+            "every participant has done its work".to_owned(),
+        ),
     };
     let text = format!(
         "nothing has moved for {seconds:.1} s: {diagnosis}; recorder idle\n{}",
@@ -109,7 +112,7 @@ fn state(pid: u32, status: &Status, seconds: f64) -> String {
     let work = match status.activity {
         Activity::Starting => "getting ready",
         Activity::Computing => "computing",
-        Activity::Paused => "waiting at a horizon that has moved since",
+        Activity::Paused => "waiting although time has been granted",
         Activity::Finished => "done without having reported it,",
         Activity::Input { .. } | Activity::Room { .. } | Activity::Recorder => "waiting",
     };

@@ -40,7 +40,7 @@ impl TimeSlices {
     }
 }
 
-/// Whether more threads are runnable than there are cores, and some of them belong to other work. `own` is the number of the run's
+/// Whether more threads are runnable than there are cores, and some of them belong to other work. `own_threads` is the number of the run's
 /// own threads.
 fn is_oversubscribed(own_threads: usize) -> bool {
     let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();

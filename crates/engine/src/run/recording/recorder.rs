@@ -74,7 +74,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Records into `store` the samples that `lanes` keeps of the streams of `plan`, and checks every sample with `guards`.
+    /// Records into `store` the samples that `tape_mapping` selects from the streams of `plan`, and checks every sample with `guards`.
     pub(crate) fn new(
         plan: Arc<Plan>,
         store: Store,

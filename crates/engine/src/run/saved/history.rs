@@ -182,7 +182,7 @@ fn stamped(plan: &Plan, participant: usize, header: Header) -> Header {
     }
 }
 
-/// The distance of two samples of `played`, in samples of `spec`; `None` if the samples of `played` are not a subset of those of
+/// The distance of two samples of `recorded`, in samples of `spec`; `None` if the samples of `recorded` are not a subset of those of
 /// `spec`.
 fn every(recorded: &StreamSpec, spec: &StreamSpec) -> Option<u64> {
     let base = Timebase::from_times([recorded.period, spec.period]).ok()?;

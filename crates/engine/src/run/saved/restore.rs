@@ -309,7 +309,7 @@ impl Recorder {
         let evaluated = self.evaluate(participant, stream, header, stamp_s, payload);
         evaluated.map_err(|broken| match self.error.take() {
             Some(error) => error.into(),
-            None => RunFailure::Other(format!("the tape to go on from: {broken}")),
+            None => RunFailure::Other(format!("the tape to resume from: {broken}")),
         })
     }
 
