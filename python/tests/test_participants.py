@@ -433,4 +433,5 @@ def test_outcome_without_a_folder_contains_the_log(scenario, tmp_path):
     with esc.Run(path, in_process=True) as run:
         run.run_to("30 ms")
         assert run.log("first") == BEGINS
-        assert run.log("nobody") == ""
+        with pytest.raises(esc.RunError, match="there is no such participant; there is `first`, `second`"):
+            run.log("nobody")
