@@ -189,6 +189,20 @@ pub fn assert_refused(output: &ProgramOutput, parts: &[&str], without: &[&str]) 
     }
 }
 
+/// Runs a scenario into the folder `run` in `folder`, in place of an earlier run.
+pub fn run_anew(folder: &Folder, scenario: &Path, how: &[&str]) -> ProgramOutput {
+    let out = folder.path().join("run");
+    let _ = std::fs::remove_dir_all(&out);
+    run_orchestrator(&[&["run", text(scenario), "--quiet", "--out", text(&out)], how].concat())
+}
+
+/// The digest of the tape of such a run, which must be complete.
+pub fn digest_anew(folder: &Folder, scenario: &Path, how: &[&str]) -> String {
+    let output = run_anew(folder, scenario, &[how, &["--json"]].concat());
+    assert_eq!(output.code, Some(0), "{output:?}");
+    output.json()["tape_digest"].as_str().expect("a digest").to_owned()
+}
+
 /// Runs `orchestrator` with `arguments` to its end. A test that hangs is ended after two minutes.
 pub fn run_orchestrator(arguments: &[&str]) -> ProgramOutput {
     wait_for_output(start_orchestrator(arguments))

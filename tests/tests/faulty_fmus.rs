@@ -218,12 +218,13 @@ fn endless_step_is_ended_by_patience() {
     assert!(output.err.contains("`it`"), "{output:?}");
 }
 
-#[test]
-fn fmu_that_cannot_be_saved_is_refused_with_fmu_remedy() {
+/// Runs with a checkpoint of an FMU with this fault, in both versions, in processes and in one: each fails with these words.
+fn refused_checkpoints(fault: &'static str, words: &[&str]) -> Vec<ProgramOutput> {
+    let mut outputs = Vec::new();
     for version in [2, 3] {
         let folder = Folder::new("unsaved");
         let file = TestFmu {
-            fault: "UNSAVED",
+            fault,
             ..TestFmu::new(version)
         }
         .build(&folder, "bad");
@@ -231,36 +232,33 @@ fn fmu_that_cannot_be_saved_is_refused_with_fmu_remedy() {
             let arguments = [&["--checkpoint-at", "0.7 s"], more].concat();
             let output = run(&folder, &file, "run.ports.inputs = []", &arguments);
             assert_eq!(output.code, Some(1), "{output:?}");
-            for part in [
-                "`it`: cannot save its state",
-                "its `save` failed: fmi",
-                "canSerializeFMU",
-            ] {
+            for part in words {
                 assert!(output.err.contains(part), "`{part}`: {output:?}");
             }
-            assert!(!output.err.contains("implement"), "{output:?}");
+            outputs.push(output);
         }
+    }
+    outputs
+}
+
+#[test]
+fn fmu_that_cannot_be_saved_is_refused_with_fmu_remedy() {
+    let words = [
+        "`it`: cannot save its state",
+        "its `save` failed: fmi",
+        "canSerializeFMU",
+    ];
+    for output in refused_checkpoints("UNSAVED", &words) {
+        assert!(!output.err.contains("implement"), "{output:?}");
     }
 }
 
 #[test]
 fn state_of_an_unbelievable_size_is_refused() {
-    for version in [2, 3] {
-        let folder = Folder::new("huge");
-        let file = TestFmu {
-            fault: "HUGE_STATE",
-            ..TestFmu::new(version)
-        }
-        .build(&folder, "bad");
-        for more in [&[][..], &["--in-process"]] {
-            let arguments = [&["--checkpoint-at", "0.7 s"], more].concat();
-            let output = run(&folder, &file, "run.ports.inputs = []", &arguments);
-            assert_eq!(output.code, Some(1), "{output:?}");
-            for part in ["`it`: cannot save its state", "1099511627776 bytes", "63 MiB"] {
-                assert!(output.err.contains(part), "`{part}`: {output:?}");
-            }
-        }
-    }
+    refused_checkpoints(
+        "HUGE_STATE",
+        &["`it`: cannot save its state", "1099511627776 bytes", "63 MiB"],
+    );
 }
 
 #[test]

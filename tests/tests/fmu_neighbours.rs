@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use escapement_tests::fmus::TestFmu;
-use escapement_tests::program::{Folder, ProgramOutput, run_orchestrator, text};
+use escapement_tests::program::{Folder, digest_anew, run_anew, run_orchestrator, text};
 
 /// A scenario with these FMUs as participants, `one` and `two`.
 fn scenario(folder: &Folder, fmus: &[&Path]) -> PathBuf {
@@ -15,12 +15,6 @@ fn scenario(folder: &Folder, fmus: &[&Path]) -> PathBuf {
         );
     }
     folder.write("neighbours.toml", &all)
-}
-
-fn run(folder: &Folder, scenario: &Path, how: &[&str]) -> ProgramOutput {
-    let out = folder.path().join("run");
-    let _ = std::fs::remove_dir_all(&out);
-    run_orchestrator(&[&["run", text(scenario), "--quiet", "--out", text(&out)], how].concat())
 }
 
 /// Several runs in the processes of a campaign.
@@ -41,7 +35,7 @@ fn thread_that_outlives_its_instance_does_not_end_the_program() {
             ..TestFmu::new(version)
         };
         let file = scenario(&folder, &[&recipe.build(&folder, "threads")]);
-        assert_eq!(run(&folder, &file, &["--in-process"]).code, Some(0));
+        assert_eq!(run_anew(&folder, &file, &["--in-process"]).code, Some(0));
         // The threads of a point have time to fail during the next ones.
         assert_campaign_runs(&folder, &file);
     }
@@ -57,11 +51,7 @@ fn floating_point_modes_of_an_fmu_are_its_own() {
         };
         let (bad, good) = (bad.build(&folder, "bad"), TestFmu::new(version).build(&folder, "good"));
         let file = scenario(&folder, &[&bad, &good]);
-        let digest = |how: &[&str]| {
-            let output = run(&folder, &file, &[how, &["--json"]].concat());
-            assert_eq!(output.code, Some(0), "{output:?}");
-            output.json()["tape_digest"].as_str().expect("a digest").to_owned()
-        };
+        let digest = |how: &[&str]| digest_anew(&folder, &file, how);
         assert_eq!(digest(&["--in-process"]), digest(&[]), "FMI {version}");
     }
 }
@@ -79,12 +69,12 @@ fn second_helper_library_of_one_name_is_refused_in_one_process() {
     };
     let (one, two) = (build("one", 1), build("two", 2));
     let alone = scenario(&folder, &[&one]);
-    assert_eq!(run(&folder, &alone, &["--in-process"]).code, Some(0));
+    assert_eq!(run_anew(&folder, &alone, &["--in-process"]).code, Some(0));
     assert_campaign_runs(&folder, &alone);
     for other in [&one, &two] {
         let both = scenario(&folder, &[&one, other]);
-        assert_eq!(run(&folder, &both, &[]).code, Some(0));
-        let output = run(&folder, &both, &["--in-process"]);
+        assert_eq!(run_anew(&folder, &both, &[]).code, Some(0));
+        let output = run_anew(&folder, &both, &["--in-process"]);
         assert_eq!(output.code, Some(1), "{output:?}");
         for words in [
             "`two`",

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use escapement_tests::compiler::NativeBuild;
 use escapement_tests::fmus::{helper_library, link_arguments};
-use escapement_tests::program::{Folder, ProgramOutput, run_orchestrator, text};
+use escapement_tests::program::{Folder, digest_anew, run_anew, text};
 
 fn native_build() -> &'static NativeBuild {
     static NATIVE_BUILD: OnceLock<NativeBuild> = OnceLock::new();
@@ -30,23 +30,13 @@ fn scenario(folder: &Folder, libraries: &[&Path]) -> PathBuf {
     folder.write("neighbours.toml", &all)
 }
 
-fn run(folder: &Folder, scenario: &Path, how: &[&str]) -> ProgramOutput {
-    let out = folder.path().join("run");
-    let _ = std::fs::remove_dir_all(&out);
-    run_orchestrator(&[&["run", text(scenario), "--quiet", "--out", text(&out)], how].concat())
-}
-
 #[test]
 fn floating_point_modes_of_a_plugin_are_its_own() {
     let folder = Folder::new("modes");
     let (bad, good) = (plugin("rounds-up"), plugin("nothing"));
     // Twice the same library: it is loaded only once.
     let file = scenario(&folder, &[&bad, &bad, &good]);
-    let digest = |how: &[&str]| {
-        let output = run(&folder, &file, &[how, &["--json"]].concat());
-        assert_eq!(output.code, Some(0), "{output:?}");
-        output.json()["tape_digest"].as_str().expect("a digest").to_owned()
-    };
+    let digest = |how: &[&str]| digest_anew(&folder, &file, how);
     assert_eq!(digest(&["--in-process"]), digest(&[]));
 }
 
@@ -62,10 +52,10 @@ fn second_helper_library_of_one_name_is_refused_in_one_process() {
     let (old, new) = (build("old", 1), build("new", 2));
     // The same library twice has one helper library.
     let twice = scenario(&folder, &[&old, &old]);
-    assert_eq!(run(&folder, &twice, &["--in-process"]).code, Some(0));
+    assert_eq!(run_anew(&folder, &twice, &["--in-process"]).code, Some(0));
     let both = scenario(&folder, &[&old, &new]);
-    assert_eq!(run(&folder, &both, &[]).code, Some(0));
-    let output = run(&folder, &both, &["--in-process"]);
+    assert_eq!(run_anew(&folder, &both, &[]).code, Some(0));
+    let output = run_anew(&folder, &both, &["--in-process"]);
     assert_eq!(output.code, Some(2), "{output:?}");
     for words in [
         "participants.two",

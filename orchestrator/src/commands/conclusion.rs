@@ -77,7 +77,7 @@ struct Precision {
 
 impl Precision {
     fn of(until: &Until, figures: &[Number], finished: &Finished) -> Precision {
-        let watch = until.watch(figures, true);
+        let watch = until.watch(figures);
         let (percent, reached) = watch.map_or((None, false), |watch| watch.reached(&finished.results));
         Precision {
             rule: until.to_string(),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use engine::campaign::{self, Campaign, CampaignError, Figures, Identity, Keep, Options, Shard};
+use engine::campaign::{self, Campaign, CampaignError, Figures, Identity, Keep, Options, Shard, Until, Watch};
 use engine::run::check;
 use engine::scenario::Scenario;
 
@@ -138,13 +138,18 @@ pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, Campa
     first.map_or_else(|| Ok(Figures::new(Vec::new(), Vec::new())), Err)
 }
 
-/// Whether points of the scenario may be met or not met. Where a program describes its ports only when it runs, figures of merit and
-/// criteria are not known before.
-pub fn may_have_criteria(known: &Figures, scenario: &Scenario) -> bool {
+/// The watch of a stopping rule over a campaign with these figures of merit.
+///
+/// # Errors
+/// When the rule does not fit the scenario.
+pub fn watch(until: &Until, known: &Figures, scenario: &Scenario) -> Result<Watch, CampaignError> {
+    let figures = known.ordered();
+    // Where a program describes its ports only when it runs, figures of merit and criteria are not known before.
     let declared = ["measures", "assessment"]
         .iter()
         .any(|key| scenario.resolved().contains_key(*key));
-    !known.criteria.is_empty() || known.ordered().is_empty() && declared
+    until.check(!known.criteria.is_empty() || figures.is_empty() && declared)?;
+    until.watch(&figures)
 }
 
 /// Prints the warnings that the changes of single points cause, such as a fault that begins after the end of the run. Only the first

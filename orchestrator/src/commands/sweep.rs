@@ -4,9 +4,7 @@ use clap::Args;
 
 use super::cluster::ClusterArgs;
 use super::conclusion::{conclude, conclude_rare};
-use super::points::{
-    CampaignArgs, DigestArgs, ShardArgs, TRIES_MAX, known_figures, may_have_criteria, print_warnings_of_points,
-};
+use super::points::{CampaignArgs, DigestArgs, ShardArgs, TRIES_MAX, known_figures, print_warnings_of_points, watch};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
 use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
@@ -101,10 +99,8 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
             None => args.vary.is_empty(),
         },
         figure: figure.clone(),
-        until: args
-            .until
-            .as_ref()
-            .map(|until| until.watch(&figures, may_have_criteria(&known, &scenario)))
+        until: (args.until.as_ref())
+            .map(|until| watch(until, &known, &scenario))
             .transpose()?,
         ..args.sharding.options(args.campaign.options())?
     };

@@ -73,19 +73,27 @@ impl FromStr for Until {
 }
 
 impl Until {
-    /// Creates the watch for a campaign with the figures of merit `known`; `has_criteria` states whether points are met or not met.
+    /// Checks the rule against a campaign of which `has_criteria` states whether its points are met or not met.
     ///
     /// # Errors
-    /// When the figure does not exist, or nothing decides whether a point is met.
-    pub fn watch(&self, known: &[Number], has_criteria: bool) -> Result<Watch, CampaignError> {
+    /// When the rule is for the share of met points, and nothing decides whether a point is met.
+    pub fn check(&self, has_criteria: bool) -> Result<(), CampaignError> {
+        if self.figure_name.is_some() || has_criteria {
+            return Ok(());
+        }
+        let reason = format!(
+            "`{self}`: the scenario has no criterion, so no point is met or not met: name a figure of merit, or give a measure a limit"
+        );
+        Err(CampaignError::Until(reason))
+    }
+
+    /// Creates the watch for a campaign with the figures of merit `known`.
+    ///
+    /// # Errors
+    /// When the figure does not exist.
+    pub fn watch(&self, known: &[Number]) -> Result<Watch, CampaignError> {
         let figure = match &self.figure_name {
             Some(name) => Some(figure_of(name, known)?),
-            None if !has_criteria => {
-                let reason = format!(
-                    "`{self}`: the scenario has no criterion, so no point is met or not met: name a figure of merit, or give a measure a limit"
-                );
-                return Err(CampaignError::Until(reason));
-            }
             None => None,
         };
         Ok(Watch {
@@ -201,12 +209,7 @@ mod tests {
             .unwrap()
             .numbers()
             .collect();
-        until
-            .parse::<Until>()
-            .unwrap()
-            .watch(&known, true)
-            .unwrap()
-            .evaluate(results)
+        until.parse::<Until>().unwrap().watch(&known).unwrap().evaluate(results)
     }
 
     #[test]
@@ -216,7 +219,7 @@ mod tests {
         assert_eq!(end("met within 5 %", &results), Some(381));
         assert_eq!(end("met within 2 %", &results), None);
         let until: Until = "met within 2 %".parse().unwrap();
-        let (percent, enough) = until.watch(&[], true).unwrap().reached(&results);
+        let (percent, enough) = until.watch(&[]).unwrap().reached(&results);
         // z / (2 sqrt(2000 + z²))
         assert!(!enough && (percent.unwrap() - 2.189).abs() < 1e-3, "{percent:?}");
     }
@@ -236,7 +239,7 @@ mod tests {
     fn stopping_rule_depends_only_on_order_of_points() {
         let all: Vec<_> = (0..600).map(|at| Some(of(at % 2 == 0, 0.0))).collect();
         let known: Vec<Number> = all[0].as_ref().unwrap().figures.as_ref().unwrap().numbers().collect();
-        let mut watch = "met within 5 %".parse::<Until>().unwrap().watch(&known, true).unwrap();
+        let mut watch = "met within 5 %".parse::<Until>().unwrap().watch(&known).unwrap();
         let mut some = vec![None; 600];
         // The last first: the points before them are not known yet.
         for at in (100..600).rev() {
@@ -271,14 +274,8 @@ mod tests {
             assert!(error.contains("`met within 1 %`"), "{error}");
         }
         let until: Until = "beauty within 1 %".parse().unwrap();
-        assert!(until.watch(&[], true).unwrap_err().to_string().contains("`beauty`"));
+        assert!(until.watch(&[]).unwrap_err().to_string().contains("`beauty`"));
         let until: Until = "met within 1 %".parse().unwrap();
-        assert!(
-            until
-                .watch(&[], false)
-                .unwrap_err()
-                .to_string()
-                .contains("no criterion")
-        );
+        assert!(until.check(false).unwrap_err().to_string().contains("no criterion"));
     }
 }

@@ -149,7 +149,7 @@ fn points_until_enough(until: &Until, mut results: Vec<Option<PointResult>>) -> 
     }
     let figures = results.iter().flatten().find_map(|result| result.figures.as_ref());
     let known = figures.map_or(Vec::new(), Figures::ordered);
-    until.watch(&known, true).ok()?.evaluate(&results)
+    until.watch(&known).ok()?.evaluate(&results)
 }
 
 /// Every folder of a campaign in `root`: `root` itself, or those of shards in it or in its folder `shards`, by their
