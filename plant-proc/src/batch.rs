@@ -2,17 +2,14 @@
 //! computed for all of them in the lanes of the processor.
 
 use lockstep::participant::{BatchedStep, StepBatch};
-use multibody::{F64x4, Lanes, Method};
+use multibody::{Method, lanes_max};
 
-use crate::dynamics::{BodyQuantities, Models, SteppedPlant};
+use crate::dynamics::{BodyQuantities, PackedModels, SteppedPlant, pack_models};
 use crate::plant::{Plant, TRUTH};
 
-/// Mechanisms packed into SIMD lanes, kept from one step to the next.
+/// Mechanisms packed into SIMD lanes, kept from one step to the next: the models of each group.
 #[derive(Debug, Default)]
-pub struct PackedModels {
-    /// Models of each group.
-    models: Vec<Option<Box<Models<F64x4>>>>,
-}
+pub struct PackedGroups(Vec<Option<Box<dyn PackedModels>>>);
 
 /// Properties that plants must share to be stepped together in SIMD lanes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,9 +44,14 @@ impl BatchKey {
 }
 
 impl StepBatch for Plant {
-    type Common = PackedModels;
+    type Common = PackedGroups;
 
-    fn step_batch(plants: &mut [BatchedStep<'_, Plant>], packed: &mut PackedModels) {
+    fn efficient_size() -> usize {
+        // elsewhere the lanes are loops
+        if cfg!(target_arch = "x86_64") { lanes_max() } else { 1 }
+    }
+
+    fn step_batch(plants: &mut [BatchedStep<'_, Plant>], packed: &mut PackedGroups) {
         let mut bodies: Vec<Option<BodyQuantities>> = vec![None; plants.len()];
         let pending = plants.iter_mut().zip(&mut bodies).map(|(one, bodies)| {
             let (plant, period) = (&mut *one.participant, one.step.period);
@@ -72,14 +74,15 @@ impl StepBatch for Plant {
 }
 
 /// Integrates each plant over its step: plants with equal keys together, as many as there are lanes.
-fn integrate_all(mut remaining: Vec<PendingPlant>, packed: &mut PackedModels) {
+fn integrate_all(mut remaining: Vec<PendingPlant>, packed: &mut PackedGroups) {
+    let lanes = lanes_max();
     let mut group = 0;
     while !remaining.is_empty() {
         let key = remaining[0].key;
-        let mut plants: Vec<PendingPlant> = Vec::with_capacity(F64x4::WIDTH);
+        let mut plants: Vec<PendingPlant> = Vec::with_capacity(lanes);
         let mut others = Vec::new();
         for one in remaining {
-            match key.is_some() && one.key == key && plants.len() < F64x4::WIDTH {
+            match key.is_some() && one.key == key && plants.len() < lanes {
                 true => plants.push(one),
                 false if plants.is_empty() => plants.push(one),
                 false => others.push(one),
@@ -87,7 +90,7 @@ fn integrate_all(mut remaining: Vec<PendingPlant>, packed: &mut PackedModels) {
         }
         remaining = others;
         let batched = match key {
-            Some(key) if plants.len() > 1 => integrate_batch(&mut plants, &key, &mut packed.models, group),
+            Some(key) if plants.len() > 1 => integrate_batch(&mut plants, &key, &mut packed.0, group),
             _ => false,
         };
         for one in plants {
@@ -104,7 +107,7 @@ fn integrate_all(mut remaining: Vec<PendingPlant>, packed: &mut PackedModels) {
 fn integrate_batch(
     plants: &mut [PendingPlant],
     key: &BatchKey,
-    packed: &mut Vec<Option<Box<Models<F64x4>>>>,
+    packed: &mut Vec<Option<Box<dyn PackedModels>>>,
     group: usize,
 ) -> bool {
     packed.resize_with(packed.len().max(group + 1), || None);
@@ -112,7 +115,11 @@ fn integrate_batch(
         .iter_mut()
         .map(|one| one.plant.stepped_parts(one.truth_requested, one.bodies));
     let mut all: Vec<SteppedPlant> = parts.collect();
-    let Some(models) = Models::of(packed[group].take(), &all) else {
+    let models = match packed[group].take() {
+        Some(models) if models.are_of(&all) => Some(models),
+        _ => pack_models(&all),
+    };
+    let Some(models) = models else {
         return false;
     };
     models.step(&mut all, key.h, key.substeps, !key.held);

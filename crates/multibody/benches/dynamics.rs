@@ -5,7 +5,7 @@
 //! [`counted`], for `instructions.sh`. STATES.txt has one state a line: quaternion wxyz, p, joint positions,
 //! generalised velocity, generalised force. Without arguments (as `cargo bench` calls it) states are drawn here.
 
-use multibody::{Description, F64x4, Method, Quaternion, State, Tree};
+use multibody::{Description, ForLanes, Lanes, Method, Quaternion, State, Tree, lanes_max, with_lanes};
 use nalgebra::SVector;
 use std::hint::black_box;
 
@@ -87,19 +87,47 @@ fn run(tree: &Servicer, cases: &[Case], mode: &Mode) {
         let c = &cases[i];
         black_box(tree.step(Method::Rk4, black_box(&c.state), black_box(&c.tau), black_box(1e-3)));
     });
-    let fours: Vec<_> = cases.chunks_exact(4).map(in_four_lanes).collect();
-    time("aba, 4 lanes", 4, &|i| {
-        let (q, nu, tau) = &fours[i];
-        black_box(tree.aba_x4(black_box(q), black_box(nu), black_box(tau)));
-    });
+    for lanes in [4, 8] {
+        if lanes <= lanes_max() {
+            with_lanes(
+                lanes,
+                AbaInLanes {
+                    tree,
+                    cases,
+                    time: &time,
+                },
+            );
+        }
+    }
 }
 
-fn in_four_lanes(cases: &[Case]) -> ([F64x4; 9], [F64x4; 15], [F64x4; 15]) {
-    let lanes = |f: &dyn Fn(&Case) -> f64| F64x4::new([f(&cases[0]), f(&cases[1]), f(&cases[2]), f(&cases[3])]);
+/// Takes a name, the number of states of a call, and the call.
+type Measure<'a> = dyn Fn(&str, usize, &dyn Fn(usize)) + 'a;
+
+/// Forward dynamics in lanes.
+struct AbaInLanes<'a> {
+    tree: &'a Servicer,
+    cases: &'a [Case],
+    time: &'a Measure<'a>,
+}
+
+impl ForLanes for AbaInLanes<'_> {
+    type Output = ();
+
+    fn run<T: Lanes>(self) {
+        let groups: Vec<_> = self.cases.chunks_exact(T::WIDTH).map(in_lanes::<T>).collect();
+        (self.time)(&format!("aba, {} lanes", T::WIDTH), T::WIDTH, &|i| {
+            let (q, nu, tau) = &groups[i];
+            black_box(self.tree.aba_in_lanes(black_box(q), black_box(nu), black_box(tau)));
+        });
+    }
+}
+
+fn in_lanes<T: Lanes>(cases: &[Case]) -> ([T; 9], [T; 15], [T; 15]) {
     (
-        std::array::from_fn(|i| lanes(&|c| c.state.q[i])),
-        std::array::from_fn(|i| lanes(&|c| c.state.nu[i])),
-        std::array::from_fn(|i| lanes(&|c| c.tau[i])),
+        std::array::from_fn(|i| T::gather(|lane| cases[lane].state.q[i])),
+        std::array::from_fn(|i| T::gather(|lane| cases[lane].state.nu[i])),
+        std::array::from_fn(|i| T::gather(|lane| cases[lane].tau[i])),
     )
 }
 

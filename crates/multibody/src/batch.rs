@@ -2,7 +2,6 @@
 
 use crate::integrate::{OdeSystem, Rate};
 use crate::kernel::jacobian::{self, FrameConsts};
-use crate::kernel::poses::{body_poses, rates};
 use crate::kernel::{Link, Model, Rigid, aba, momentum};
 use crate::num::{Lanes, Static, V3};
 use crate::state::State;
@@ -112,10 +111,7 @@ impl<const N: usize, const V: usize, T: Lanes> Trees<N, V, T> {
     /// Poses and rates of every body, as [`Tree::kinematics`].
     #[inline(always)]
     pub fn kinematics(&self, state: &State<N, V, T>) -> Kinematics<N, V, T> {
-        let nu = &state.nu.data.0[0];
-        let poses = body_poses::<Static<N>, T, T>(self.model(), &state.q.data.0[0]);
-        let rates = rates::<Static<N>, T, T>(self.model(), &poses, nu);
-        Kinematics { poses, rates, nu: *nu }
+        Kinematics::at(self.model(), &state.q.data.0[0], &state.nu.data.0[0])
     }
 
     /// Pose of a frame in the base: (`p_BE`, columns of `R_BE`).

@@ -77,7 +77,7 @@ pub use description::{
 pub use dynamic::{BodyInfo, Dense, DynState, DynTree};
 pub use integrate::{Method, OdeSystem, Rate, UnknownMethod, dop853, rk4};
 pub use nalgebra;
-pub use num::{F64x4, Lanes, Number, Real, sin_cos};
+pub use num::{Computation, F64x4, ForLanes, Lanes, Number, Real, lanes_max, sin_cos, with_lanes};
 pub use rotation::Quaternion;
 pub use slosh::{SloshError, SloshRate, SloshState, SloshTree, SphericalSlosh, from_two_hinges};
 pub use state::State;

@@ -4,6 +4,12 @@ use crate::num::{Number, sin_cos};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+/// `a × b`, as nalgebra's, and inlined: in lanes that the program is not compiled for, an operation that is not inlined is a call.
+#[inline(always)]
+pub fn cross<T: Number>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
+    Vector3::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+}
+
 /// A quaternion `w + x i + y j + z k` (Hamilton). As an attitude, `quat_AB` transforms components in B axes into
 /// components in A axes, and a body rate ω (B axes) moves it by `½ q ⊗ [0, ω]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -71,7 +77,7 @@ impl Quaternion {
 
 impl<T: Number> Quaternion<T> {
     /// Product `self ⊗ o`.
-    #[inline]
+    #[inline(always)]
     pub fn times(self, o: Self) -> Self {
         let (a, b) = (self, o);
         Self {
@@ -83,7 +89,7 @@ impl<T: Number> Quaternion<T> {
     }
 
     /// The inverse of a unit quaternion.
-    #[inline]
+    #[inline(always)]
     pub fn conjugate(self) -> Self {
         Self {
             w: self.w,
@@ -94,7 +100,7 @@ impl<T: Number> Quaternion<T> {
     }
 
     /// `½ self ⊗ [0, ω]`, the rate of an attitude turning at `omega` (rad/s, body axes).
-    #[inline]
+    #[inline(always)]
     pub fn rate(self, omega: &Vector3<T>) -> Self {
         self.times(Self {
             w: T::of(0.0),
@@ -105,7 +111,7 @@ impl<T: Number> Quaternion<T> {
     }
 
     /// `self + k · o`, component by component.
-    #[inline]
+    #[inline(always)]
     pub fn plus(self, k: T, o: Self) -> Self {
         Self {
             w: k.mul_add(o.w, self.w),
@@ -116,13 +122,13 @@ impl<T: Number> Quaternion<T> {
     }
 
     /// Squared length.
-    #[inline]
+    #[inline(always)]
     pub fn norm_squared(self) -> T {
         self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z
     }
 
     /// Scaled to unit length.
-    #[inline]
+    #[inline(always)]
     pub fn normalized(self) -> Self {
         let k = T::of(1.0) / self.norm_squared().sqrt();
         Self {
@@ -135,15 +141,15 @@ impl<T: Number> Quaternion<T> {
 
     /// The vector `v` (B axes) in A axes. Exact to first order for a quaternion slightly off unit length, because the
     /// length is divided out.
-    #[inline]
+    #[inline(always)]
     pub fn rotate(self, v: &Vector3<T>) -> Vector3<T> {
         let u = Vector3::new(self.x, self.y, self.z);
-        let t = u.cross(v) * (T::of(2.0) / self.norm_squared());
-        v + t * self.w + u.cross(&t)
+        let t = cross(&u, v) * (T::of(2.0) / self.norm_squared());
+        v + t * self.w + cross(&u, &t)
     }
 
     /// The vector `v` (A axes) in B axes.
-    #[inline]
+    #[inline(always)]
     pub fn rotate_back(self, v: &Vector3<T>) -> Vector3<T> {
         self.conjugate().rotate(v)
     }

@@ -37,7 +37,7 @@ fn no_algorithm_allocates() {
         let force = tree.rnea(&state.q, &state.nu, &tree.aba(&state.q, &state.nu, &tau));
         let product = tree.mass_coriolis_product(&state.q, &state.nu, &force, &tau);
         let j = tree.jacobian(&k, frame) + tree.jacobian_rate(&k, frame);
-        let lanes = tree.aba_x4(
+        let lanes = tree.aba_in_lanes(
             &state.q.data.0[0].map(|x| F64x4::new([x; 4])),
             &state.nu.data.0[0].map(|x| F64x4::new([x; 4])),
             &tau.data.0[0].map(|x| F64x4::new([x; 4])),

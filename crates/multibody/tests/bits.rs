@@ -1,53 +1,73 @@
-//! Bit-identical results in all evaluation modes: four lanes, one state, a tree of static or of dynamic size.
+//! Bit-identical results in all evaluation modes: four or eight lanes, one state, a tree of static or of dynamic size.
 
 mod common;
 
 use common::random::{Rng, mechanism, state};
 use common::{load_reference, servicer};
-use multibody::{Description, DynState, DynTree, F64x4, Lanes, Method, State, Tree, Trees, rk4};
+use multibody::{
+    Description, DynState, DynTree, F64x4, ForLanes, Lanes, Method, State, Tree, Trees, lanes_max, rk4, with_lanes,
+};
 use nalgebra::SVector;
 
-fn lanes<const K: usize>(columns: [&SVector<f64, K>; 4]) -> [F64x4; K] {
-    std::array::from_fn(|i| F64x4::new([columns[0][i], columns[1][i], columns[2][i], columns[3][i]]))
+/// A check in lanes of each number that this processor has.
+fn in_each_number_of_lanes<C: ForLanes + Copy>(check: C) {
+    for lanes in [4, 8] {
+        if lanes <= lanes_max() {
+            with_lanes(lanes, check);
+        }
+    }
 }
 
-#[test]
-fn each_lane_has_the_bits_of_the_scalar() {
-    let mut rng = Rng::new(3);
-    for _ in 0..500 {
-        let tree = Tree::<7, 13>::new(&mechanism(&mut rng, 7)).expect("valid");
-        let q: [SVector<f64, 7>; 4] = std::array::from_fn(|_| SVector::from_column_slice(&rng.list(7, 4.0)));
-        let nu: [SVector<f64, 13>; 4] = std::array::from_fn(|_| SVector::from_column_slice(&rng.list(13, 2.0)));
-        let tau: [SVector<f64, 13>; 4] = std::array::from_fn(|_| SVector::from_column_slice(&rng.list(13, 5.0)));
-        let (q4, nu4, tau4) = (lanes(q.each_ref()), lanes(nu.each_ref()), lanes(tau.each_ref()));
-        let acc = tree.aba_x4(&q4, &nu4, &tau4);
-        let force = tree.rnea_in(&q4, &nu4, &acc);
-        let mass = tree.mass_matrix_in(&q4);
-        for lane in 0..4 {
-            let one = tree.aba(&q[lane], &nu[lane], &tau[lane]);
-            let back = tree.rnea(&q[lane], &nu[lane], &one);
-            let m = tree.mass_matrix(&q[lane]);
-            for i in 0..13 {
-                assert_eq!(
-                    acc[i].to_array()[lane].to_bits(),
-                    one[i].to_bits(),
-                    "aba, lane {lane}, element {i}"
-                );
-                assert_eq!(
-                    force[i].to_array()[lane].to_bits(),
-                    back[i].to_bits(),
-                    "rnea, lane {lane}, element {i}"
-                );
-                for j in 0..13 {
+fn lanes<const K: usize, T: Lanes>(columns: &[SVector<f64, K>]) -> [T; K] {
+    std::array::from_fn(|i| T::gather(|lane| columns[lane][i]))
+}
+
+#[derive(Clone, Copy)]
+struct OneTree;
+
+impl ForLanes for OneTree {
+    type Output = ();
+
+    fn run<T: Lanes>(self) {
+        let mut rng = Rng::new(3);
+        for _ in 0..500 {
+            let tree = Tree::<7, 13>::new(&mechanism(&mut rng, 7)).expect("valid");
+            let mut vectors =
+                |n: usize, bound: f64| -> Vec<Vec<f64>> { (0..T::WIDTH).map(|_| rng.list(n, bound)).collect() };
+            let q: Vec<SVector<f64, 7>> = vectors(7, 4.0).iter().map(|x| SVector::from_column_slice(x)).collect();
+            let nu: Vec<SVector<f64, 13>> = vectors(13, 2.0).iter().map(|x| SVector::from_column_slice(x)).collect();
+            let tau: Vec<SVector<f64, 13>> = vectors(13, 5.0).iter().map(|x| SVector::from_column_slice(x)).collect();
+            let (q_all, nu_all, tau_all) = (lanes::<7, T>(&q), lanes::<13, T>(&nu), lanes::<13, T>(&tau));
+            let acc = tree.aba_in_lanes(&q_all, &nu_all, &tau_all);
+            let force = tree.rnea_in(&q_all, &nu_all, &acc);
+            let mass = tree.mass_matrix_in(&q_all);
+            for lane in 0..T::WIDTH {
+                let one = tree.aba(&q[lane], &nu[lane], &tau[lane]);
+                let back = tree.rnea(&q[lane], &nu[lane], &one);
+                let m = tree.mass_matrix(&q[lane]);
+                let same = |a: T, b: f64, what: &str| {
                     assert_eq!(
-                        mass[j][i].to_array()[lane].to_bits(),
-                        m[(i, j)].to_bits(),
-                        "mass, lane {lane}, {i} {j}"
+                        a.lane(lane).to_bits(),
+                        b.to_bits(),
+                        "{what}, lane {lane} of {}",
+                        T::WIDTH
                     );
+                };
+                for i in 0..13 {
+                    same(acc[i], one[i], "aba");
+                    same(force[i], back[i], "rnea");
+                    for j in 0..13 {
+                        same(mass[j][i], m[(i, j)], "mass");
+                    }
                 }
             }
         }
     }
+}
+
+#[test]
+fn each_lane_has_the_bits_of_the_scalar() {
+    in_each_number_of_lanes(OneTree);
 }
 
 #[test]
@@ -209,7 +229,18 @@ fn trees_in_lanes<T: Lanes>(seed: u64) {
 
 #[test]
 fn batched_trees_have_the_bits_of_single_trees() {
-    trees_in_lanes::<F64x4>(11);
+    #[derive(Clone, Copy)]
+    struct SeveralTrees;
+
+    impl ForLanes for SeveralTrees {
+        type Output = ();
+
+        fn run<T: Lanes>(self) {
+            trees_in_lanes::<T>(11);
+        }
+    }
+
+    in_each_number_of_lanes(SeveralTrees);
 }
 
 #[test]

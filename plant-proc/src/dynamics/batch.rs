@@ -1,7 +1,11 @@
 //! SIMD integration of several servicers and targets, one per lane, bit-identical to integrating each alone.
 
-use multibody::{Lanes, Momentum, OdeSystem, Placement, State, Tree, Trees};
-use nalgebra::{Matrix3, SVector, Vector3};
+use std::fmt::Debug;
+
+use multibody::{
+    Computation, ForLanes, FrameId, Lanes, Momentum, OdeSystem, Placement, State, Tree, Trees, with_lanes,
+};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::mechanics::{AppliedForces, MotionRate};
 use super::{Bob, BodyQuantities, COORDINATES, Forces, Model, Motion, Target, VELOCITIES};
@@ -9,7 +13,7 @@ use crate::actuators::THRUSTERS;
 
 /// The mechanisms of several plants, packed into lanes.
 #[derive(Debug)]
-pub struct Models<T> {
+struct Models<T> {
     /// The packed models, by [`Model::version`].
     versions: Vec<u64>,
     trees: Trees<COORDINATES, VELOCITIES, T>,
@@ -37,48 +41,98 @@ pub struct SteppedPlant<'a> {
     pub bodies: &'a mut Option<BodyQuantities>,
 }
 
+/// [`Models`] with any number of lanes.
+pub trait PackedModels: Debug {
+    /// Whether these are the models of `all`.
+    fn are_of(&self, all: &[SteppedPlant]) -> bool;
+
+    /// `substeps` steps of `h` seconds of the classical Runge-Kutta method. The plants have one shape: two-hinge pendulum, no brakes, the
+    /// same axes compensated. `free`: whether the targets are free-flying.
+    fn step(&self, all: &mut [SteppedPlant], h: f64, substeps: u32, free: bool);
+}
+
+/// Packs the models of `all` into lanes, as many as [`lanes_max`](multibody::lanes_max) at most; `None` when that is impossible.
+pub fn pack_models(all: &[SteppedPlant]) -> Option<Box<dyn PackedModels>> {
+    struct Pack<'a>(&'a [SteppedPlant<'a>]);
+
+    impl ForLanes for Pack<'_> {
+        type Output = Option<Box<dyn PackedModels>>;
+
+        fn run<T: Lanes>(self) -> Self::Output {
+            Some(Box::new(Models::<T>::of(self.0)?))
+        }
+    }
+
+    with_lanes(all.len(), Pack(all))
+}
+
 impl<T: Lanes> Models<T> {
-    /// Packs the models of `all`; reuses `packed` when the versions match.
-    ///
-    /// `None` when the plants cannot be packed into lanes.
-    pub fn of(packed: Option<Box<Self>>, all: &[SteppedPlant]) -> Option<Box<Self>> {
+    fn of(all: &[SteppedPlant]) -> Option<Self> {
         let first = all.first()?.model.end_effector;
         if all.iter().any(|one| one.model.end_effector != first) {
             return None;
         }
-        let versions = all.iter().map(|one| one.model.version);
-        match packed {
-            Some(packed) if packed.versions.iter().copied().eq(versions.clone()) => Some(packed),
-            _ => {
-                let trees: Vec<&super::Tree> = all.iter().map(|one| &one.model.tree).collect();
-                let targets: Vec<&Tree<0, 6>> = all.iter().map(|one| &one.model.target).collect();
-                Some(Box::new(Self {
-                    versions: versions.collect(),
-                    trees: Trees::new(&trees)?,
-                    targets: Trees::new(&targets)?,
-                }))
-            }
-        }
+        let trees: Vec<&super::Tree> = all.iter().map(|one| &one.model.tree).collect();
+        let targets: Vec<&Tree<0, 6>> = all.iter().map(|one| &one.model.target).collect();
+        Some(Self {
+            versions: all.iter().map(|one| one.model.version).collect(),
+            trees: Trees::new(&trees)?,
+            targets: Trees::new(&targets)?,
+        })
+    }
+}
+
+impl<T: Lanes> PackedModels for Models<T> {
+    fn are_of(&self, all: &[SteppedPlant]) -> bool {
+        self.versions
+            .iter()
+            .copied()
+            .eq(all.iter().map(|one| one.model.version))
     }
 
-    /// `substeps` steps of `h` seconds of the classical Runge-Kutta method. The plants have one shape: two-hinge pendulum, no brakes, the
-    /// same axes compensated. `free`: whether the targets are free-flying.
-    pub fn step(&self, all: &mut [SteppedPlant], h: f64, substeps: u32, free: bool) {
+    fn step(&self, all: &mut [SteppedPlant], h: f64, substeps: u32, free: bool) {
+        T::compute(PackedStep {
+            models: self,
+            all,
+            h,
+            substeps,
+            free,
+        });
+    }
+}
+
+/// A step of several plants.
+struct PackedStep<'a, 'b, T> {
+    models: &'a Models<T>,
+    all: &'a mut [SteppedPlant<'b>],
+    h: f64,
+    substeps: u32,
+    free: bool,
+}
+
+impl<T: Lanes> Computation for PackedStep<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self {
+            models, all, h, free, ..
+        } = self;
+        let mechanics = Mechanics { trees: &models.trees };
         let forces = gather_forces(all);
-        let mechanics = Mechanics { trees: &self.trees };
         let mut motion = Motion::gather(all);
         let mut target = State::gather(&items_per_lane::<T, Target>(all, |one| &*one.target)[..T::WIDTH]);
         let none = SVector::repeat(T::of(0.0));
-        for _ in 0..substeps {
+        for _ in 0..self.substeps {
             motion = multibody::rk4(&mechanics, &motion, &forces, h);
             if free {
-                target = multibody::rk4(&self.targets, &target, &none, h);
+                target = multibody::rk4(&models.targets, &target, &none, h);
             }
         }
         let bodies = all
             .iter()
             .any(|one| one.truth_requested)
-            .then(|| self.bodies(all, &motion));
+            .then(|| models.bodies(all, &motion));
         for (lane, one) in all.iter_mut().enumerate() {
             *one.bodies = bodies.as_ref().map(|bodies| bodies.lane(lane));
             *one.motion = motion.lane(lane);
@@ -101,19 +155,51 @@ struct PackedBodies<T> {
 impl<T: Lanes> Models<T> {
     #[inline(never)]
     fn bodies(&self, all: &[SteppedPlant], motion: &Motion<T>) -> PackedBodies<T> {
-        let end_effector = all[0].model.end_effector;
-        let kinematics = self.trees.kinematics(&motion.servicer);
-        let (p, r) = self.trees.placement(&kinematics, end_effector);
-        let twist = self.trees.jacobian(&kinematics, end_effector) * motion.servicer.nu;
+        T::compute(BodiesAt {
+            trees: &self.trees,
+            end_effector: all[0].model.end_effector,
+            motion,
+        })
+    }
+}
+
+/// The [`PackedBodies`] at a motion.
+struct BodiesAt<'a, T> {
+    trees: &'a Trees<COORDINATES, VELOCITIES, T>,
+    end_effector: FrameId,
+    motion: &'a Motion<T>,
+}
+
+impl<T: Lanes> Computation for BodiesAt<'_, T> {
+    type Output = PackedBodies<T>;
+
+    #[inline(always)]
+    fn run(self) -> PackedBodies<T> {
+        let kinematics = self.trees.kinematics(&self.motion.servicer);
+        let (p, r) = self.trees.placement(&kinematics, self.end_effector);
+        let jacobian = self.trees.jacobian(&kinematics, self.end_effector);
         let (momentum, energy) = self.trees.momentum_and_energy(&kinematics);
         PackedBodies {
             p,
             r,
-            twist,
+            twist: twist(&jacobian, &self.motion.servicer.nu),
             momentum,
             energy,
         }
     }
+}
+
+/// `jacobian · nu`, with the operations of the product of nalgebra in its order.
+#[inline(always)]
+fn twist<T: Lanes>(jacobian: &SMatrix<T, 6, VELOCITIES>, nu: &SVector<T, VELOCITIES>) -> SVector<T, 6> {
+    let mut out = SVector::<T, 6>::repeat(T::of(0.0));
+    for row in 0..6 {
+        out[row] = jacobian[(row, 0)] * nu[0];
+        for column in 1..VELOCITIES {
+            out[row] = jacobian[(row, column)] * nu[column] + out[row];
+        }
+    }
+    out
 }
 
 impl<T: Lanes> PackedBodies<T> {
@@ -139,8 +225,8 @@ impl<T: Lanes> PackedBodies<T> {
     }
 }
 
-/// Largest number of lanes.
-const LANES_MAX: usize = 4;
+/// Largest number of lanes of any processor.
+const LANES_MAX: usize = 8;
 
 /// One item per lane; surplus lanes repeat the last item.
 fn items_per_lane<'a, T: Lanes, X>(
@@ -213,27 +299,44 @@ impl<T: Lanes> OdeSystem for Mechanics<'_, T> {
     // Large, and called once per stage.
     #[inline(never)]
     fn rate(&self, motion: &Motion<T>, forces: &Forces<T>) -> MotionRate<T> {
-        let applied = AppliedForces::of(motion, forces);
-        let nu_dot = self.trees.forward_dynamics(&motion.servicer, &applied.generalised);
-        let zero = Vector3::repeat(T::of(0.0));
-        let bob = Bob { d: zero, w: zero };
-        applied.rates(
+        T::compute(RateAt {
+            trees: self.trees,
             motion,
             forces,
-            (nu_dot, bob, self.trees.damper_power(&motion.servicer.nu)),
-        )
+        })
     }
 
-    #[inline]
+    #[inline(always)]
     fn plus_rates(&self, motion: &Motion<T>, by: &[(f64, &MotionRate<T>)]) -> Motion<T> {
         motion.plus_rates(by, false)
     }
 
-    #[inline]
+    #[inline(always)]
     fn projected(&self, motion: Motion<T>) -> Motion<T> {
         Motion {
             servicer: motion.servicer.projected(),
             ..motion
         }
+    }
+}
+
+/// The rates of several servicers.
+struct RateAt<'a, T> {
+    trees: &'a Trees<COORDINATES, VELOCITIES, T>,
+    motion: &'a Motion<T>,
+    forces: &'a Forces<T>,
+}
+
+impl<T: Lanes> Computation for RateAt<'_, T> {
+    type Output = MotionRate<T>;
+
+    #[inline(always)]
+    fn run(self) -> MotionRate<T> {
+        let Self { trees, motion, forces } = self;
+        let applied = AppliedForces::of(motion, forces);
+        let nu_dot = trees.forward_dynamics(&motion.servicer, &applied.generalised);
+        let zero = Vector3::repeat(T::of(0.0));
+        let bob = Bob { d: zero, w: zero };
+        applied.rates(motion, forces, (nu_dot, bob, trees.damper_power(&motion.servicer.nu)))
     }
 }

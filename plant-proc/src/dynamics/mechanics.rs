@@ -1,6 +1,7 @@
 //! The servicer's equations of motion, augmented with wheel momentum, impulses, work and losses: these are integrated with
 //! the same stages, so the ledger closes to the accuracy of the integrator.
 
+use multibody::rotation::cross;
 use multibody::{Number, OdeSystem, Rate};
 use nalgebra::{SVector, Vector3};
 
@@ -39,7 +40,7 @@ impl<T: Number> AppliedForces<T> {
     /// The actuators' forces, with the gyroscopic torque of the wheels on the uncompensated axes.
     #[inline(always)]
     pub(super) fn of(motion: &Motion<T>, forces: &Forces<T>) -> Self {
-        let gyroscopic_torque = motion.servicer.omega().cross(&motion.wheel_momentum);
+        let gyroscopic_torque = cross(&motion.servicer.omega(), &motion.wheel_momentum);
         let (mut wheel_torque, mut wheel_rate) = (forces.wheel_torque, -forces.wheel_torque);
         for (axis, compensated) in forces.compensated.iter().enumerate() {
             if *compensated {
@@ -78,7 +79,7 @@ impl<T: Number> AppliedForces<T> {
             bob,
             wheel_momentum: self.wheel_rate,
             impulse: force_n,
-            angular_impulse: now.p_nb.cross(&force_n) + now.quat_nb.rotate(&forces.thruster_torque),
+            angular_impulse: cross(&now.p_nb, &force_n) + now.quat_nb.rotate(&forces.thruster_torque),
             work: self.generalised.dot(&now.nu),
             loss: -damper_power,
         }

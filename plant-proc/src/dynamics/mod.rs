@@ -11,7 +11,7 @@ mod motion;
 mod slosh_model;
 mod spherical_pendulum;
 
-pub use batch::{Models, SteppedPlant};
+pub use batch::{PackedModels, SteppedPlant, pack_models};
 pub use bodies::BodyQuantities;
 pub use constraint::stop_joints;
 pub use coordinates::{COORDINATES, Generalised, Servicer, Target, TargetTree, Tree, VELOCITIES};

@@ -54,6 +54,11 @@ pub trait StepBatch: Sized + 'static {
     /// Working data kept from one call to the next to save work. No result may depend on it: any call may receive a new one.
     type Common: Default + 'static;
 
+    /// The number of participants that are stepped most efficiently by one call on this machine, for example the number of SIMD lanes.
+    fn efficient_size() -> usize {
+        4
+    }
+
     /// Steps the participants of `steps`, one or more. They need not be at the same instant, nor have the same period or parameters.
     fn step_batch(steps: &mut [BatchedStep<'_, Self>], common: &mut Self::Common);
 }
@@ -89,10 +94,16 @@ impl<'a> Member<'a> {
     pub fn of<P: StepBatch>(participant: &'a mut P) -> Member<'a> {
         let kind = BatchType {
             kind: TypeId::of::<P>(),
+            efficient_size: P::efficient_size,
             common: || Box::new(P::Common::default()),
             step: step::<P>,
         };
         Member { kind, participant }
+    }
+
+    /// The number of participants of this type that are stepped most efficiently by one call.
+    pub fn efficient_size(&self) -> usize {
+        (self.kind.efficient_size)()
     }
 }
 
@@ -100,6 +111,7 @@ impl<'a> Member<'a> {
 #[derive(Clone, Copy)]
 struct BatchType {
     kind: TypeId,
+    efficient_size: fn() -> usize,
     common: fn() -> Box<dyn Any>,
     step: fn(&mut [&mut PendingStep<'_>], &mut dyn Any),
 }
@@ -142,7 +154,7 @@ impl BatchStepper {
     pub fn step(&mut self, pending: &mut [PendingStep<'_>]) {
         let mut remaining: Vec<&mut PendingStep<'_>> = pending.iter_mut().collect();
         while let Some(first) = remaining.first() {
-            let BatchType { kind, common, step } = first.member.kind;
+            let BatchType { kind, common, step, .. } = first.member.kind;
             let (mut batch, others) = remaining.into_iter().partition(|one| one.member.kind.kind == kind);
             remaining = others;
             let at = match self.common_data.iter().position(|(known, _)| *known == kind) {

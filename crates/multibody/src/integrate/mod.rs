@@ -62,6 +62,7 @@ impl core::fmt::Display for Method {
 }
 
 /// One step of `h` seconds of classical Runge-Kutta on any [`OdeSystem`].
+#[inline(always)]
 pub fn rk4<F: OdeSystem>(system: &F, state: &F::State, force: &F::Force, h: f64) -> F::State {
     rk4::step(system, state, force, h)
 }

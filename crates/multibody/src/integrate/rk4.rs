@@ -2,7 +2,7 @@
 
 use super::OdeSystem;
 
-#[inline]
+#[inline(always)]
 pub(super) fn step<F: OdeSystem>(system: &F, s: &F::State, force: &F::Force, h: f64) -> F::State {
     let k1 = system.rate(s, force);
     let k2 = system.rate(&system.plus_rates(s, &[(0.5 * h, &k1)]), force);

@@ -49,11 +49,6 @@ pub(crate) fn jacobian<T: Real, K: Constant<T>, const RATE: bool>(
     } else {
         (base.omega, base.p_rate)
     };
-    // components of u in E axes, or the rate of those components when u changes at u_rate
-    let write_column = |out: &mut [T], k: usize, u: V3<T>, u_rate: V3<T>| {
-        let components = if RATE { u.cross_add(omega, u_rate) } else { u };
-        r.tmul(components).write(out, k);
-    };
     let mut body = frame.body;
     while body != BASE {
         let link = &model.bodies[body - 1];
@@ -62,11 +57,18 @@ pub(crate) fn jacobian<T: Real, K: Constant<T>, const RATE: bool>(
         let rate = &rates[body];
         let (z, zr) = (on.z(), rate.z);
         if link.prismatic {
-            write_column(out, k + 3, z, zr);
+            write_column::<T, RATE>(out, &r, omega, k + 3, z, zr);
         } else {
             let (arm, arm_rate) = (p - rate.p, p_rate - rate.p_rate);
-            write_column(out, k, z, zr);
-            write_column(out, k + 3, z.cross(arm), z.cross_add(arm_rate, zr.cross(arm)));
+            write_column::<T, RATE>(out, &r, omega, k, z, zr);
+            write_column::<T, RATE>(
+                out,
+                &r,
+                omega,
+                k + 3,
+                z.cross(arm),
+                z.cross_add(arm_rate, zr.cross(arm)),
+            );
         }
         body = link.parent;
     }
@@ -75,9 +77,24 @@ pub(crate) fn jacobian<T: Real, K: Constant<T>, const RATE: bool>(
         let omega_skew = Mat3::skew(omega_base);
         for i in 0..3 {
             let (e, er) = (axes.c[i], omega_skew.c[i]);
-            write_column(out, 6 * i, e, er);
-            write_column(out, 6 * i + 3, e.cross(p), e.cross_add(p_rate, er.cross(p)));
-            write_column(out, 6 * (3 + i) + 3, e, er);
+            write_column::<T, RATE>(out, &r, omega, 6 * i, e, er);
+            write_column::<T, RATE>(out, &r, omega, 6 * i + 3, e.cross(p), e.cross_add(p_rate, er.cross(p)));
+            write_column::<T, RATE>(out, &r, omega, 6 * (3 + i) + 3, e, er);
         }
     }
+}
+
+/// Writes the components of `u` in the axes `r`, or with `RATE` their rate as the axes turn at `omega` and `u` changes at `u_rate`.
+// A function, since a closure cannot be forced to be inlined, which lanes need.
+#[inline(always)]
+fn write_column<T: Real, const RATE: bool>(
+    out: &mut [T],
+    r: &Mat3<T>,
+    omega: V3<T>,
+    k: usize,
+    u: V3<T>,
+    u_rate: V3<T>,
+) {
+    let components = if RATE { u.cross_add(omega, u_rate) } else { u };
+    r.tmul(components).write(out, k);
 }

@@ -61,8 +61,19 @@ impl<T: Real> Rates<T> {
 /// Poses at `q`, base first.
 #[inline(always)]
 pub(crate) fn body_poses<Z: Size, T: Real, K: Constant<T>>(model: Model<K>, q: &[T]) -> Z::List<BodyPose<T>> {
-    let trig = joint_sin_cos::<Z, T>(model.bodies.len(), q);
     let mut out = Z::List::<BodyPose<T>>::with_capacity(model.bodies.len() + 1);
+    push_body_poses::<Z, T, K>(model, q, &mut out);
+    out
+}
+
+/// [`body_poses`] into an empty list.
+#[inline(always)]
+pub(crate) fn push_body_poses<Z: Size, T: Real, K: Constant<T>>(
+    model: Model<K>,
+    q: &[T],
+    out: &mut Z::List<BodyPose<T>>,
+) {
+    let trig = joint_sin_cos::<Z, T>(model.bodies.len(), q);
     out.push(BodyPose::base());
     for link in model.bodies {
         let parent = &out[link.parent];
@@ -74,14 +85,25 @@ pub(crate) fn body_poses<Z: Size, T: Real, K: Constant<T>>(model: Model<K>, q: &
         }
         out.push(BodyPose { r, d });
     }
-    out
 }
 
 /// Rates at `nu` of the bodies placed at `poses`, base first.
 #[inline(always)]
 pub(crate) fn rates<Z: Size, T: Real, K>(model: Model<K>, poses: &[BodyPose<T>], nu: &[T]) -> Z::List<Rates<T>> {
-    let offset = model.offset();
     let mut out = Z::List::<Rates<T>>::with_capacity(model.bodies.len() + 1);
+    push_rates::<Z, T, K>(model, poses, nu, &mut out);
+    out
+}
+
+/// [`rates`] into an empty list.
+#[inline(always)]
+pub(crate) fn push_rates<Z: Size, T: Real, K>(
+    model: Model<K>,
+    poses: &[BodyPose<T>],
+    nu: &[T],
+    out: &mut Z::List<Rates<T>>,
+) {
+    let offset = model.offset();
     out.push(Rates::base(model.base_part(nu).0));
     for (link, at) in model.bodies.iter().zip(&poses[1..]) {
         let parent = &out[link.parent];
@@ -95,7 +117,6 @@ pub(crate) fn rates<Z: Size, T: Real, K>(model: Model<K>, poses: &[BodyPose<T>],
         let (p, p_rate) = (parent.p + at.d, parent.p_rate + d);
         out.push(Rates { p, omega, d, z, p_rate });
     }
-    out
 }
 
 /// Sine and cosine of every coordinate, four at a time. Prismatic positions are included: skipping them would cost more

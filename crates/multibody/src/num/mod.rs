@@ -8,15 +8,14 @@ mod double;
 mod lanes;
 mod list;
 mod number;
-mod quartet;
 mod real;
 mod space;
 mod trig;
 
-pub use lanes::F64x4;
+pub use lanes::{F64x4, ForLanes, lanes_max, with_lanes};
 pub(crate) use list::{Dynamic, Fixed, List, Size, Static};
 pub(crate) use number::Constant;
-pub use number::{Lanes, Number};
+pub use number::{Computation, Lanes, Number};
 pub use real::Real;
 pub(crate) use space::{Mat3, Sym3, V3};
 pub use trig::sin_cos;

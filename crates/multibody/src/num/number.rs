@@ -35,6 +35,20 @@ pub trait Lanes: Number + Constant<Self> {
     /// # Panics
     /// When there is no such lane.
     fn lane(&self, i: usize) -> f64;
+
+    /// Runs `code` compiled for the instructions of these lanes, which may be more than the program is compiled for: inside an operation is
+    /// one instruction, elsewhere it is a call.
+    fn compute<C: Computation>(code: C) -> C::Output;
+}
+
+/// A computation in lanes of a known type, for [`Lanes::compute`].
+pub trait Computation {
+    /// What it computes.
+    type Output;
+
+    /// The computation. It and the functions that it calls must be `#[inline(always)]`: only what is inlined is compiled for the
+    /// instructions of the lanes.
+    fn run(self) -> Self::Output;
 }
 
 /// A constant of a model as a number of a recursion: a double is broadcast to every lane, lanes are used as they are.

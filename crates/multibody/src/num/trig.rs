@@ -87,7 +87,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::F64x4;
+    use super::super::{ForLanes, Lanes, with_lanes};
     use super::*;
 
     /// Distance in units in the last place of `b`.
@@ -129,18 +129,28 @@ mod tests {
             f64::INFINITY,
             f64::NAN,
         ];
-        for a in xs {
-            for b in xs {
-                let (s, c) = F64x4::new([a, b, 0.3, a]).sin_cos();
-                for (x, (s, c)) in [a, b, 0.3, a]
-                    .into_iter()
-                    .zip(s.to_array().into_iter().zip(c.to_array()))
-                {
-                    let (s1, c1) = sin_cos(x);
-                    assert!(s.to_bits() == s1.to_bits() || s.is_nan() && s1.is_nan(), "sin {x}");
-                    assert!(c.to_bits() == c1.to_bits() || c.is_nan() && c1.is_nan(), "cos {x}");
+        struct Check<'a>(&'a [f64]);
+
+        impl ForLanes for Check<'_> {
+            type Output = ();
+
+            fn run<T: Lanes>(self) {
+                let pairs = self.0.iter().flat_map(|a| self.0.iter().map(move |b| (*a, *b)));
+                for (a, b) in pairs {
+                    let each = |lane: usize| [a, b, 0.3][lane % 3];
+                    let (s, c) = T::gather(each).sin_cos();
+                    for lane in 0..T::WIDTH {
+                        let (x, s, c) = (each(lane), s.lane(lane), c.lane(lane));
+                        let (s1, c1) = sin_cos(x);
+                        assert!(s.to_bits() == s1.to_bits() || s.is_nan() && s1.is_nan(), "sin {x}");
+                        assert!(c.to_bits() == c1.to_bits() || c.is_nan() && c1.is_nan(), "cos {x}");
+                    }
                 }
             }
+        }
+
+        for lanes in [4, 8] {
+            with_lanes(lanes, Check(&xs));
         }
     }
 

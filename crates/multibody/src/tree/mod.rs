@@ -11,9 +11,9 @@ pub(crate) use total::{matrix, vector};
 
 use crate::description::{Description, Inertia, Placement};
 use crate::kernel::jacobian::FrameConsts;
-use crate::kernel::poses::{BodyPose, Rates, body_poses, rates};
+use crate::kernel::poses::{BodyPose, Rates, body_poses, push_body_poses, push_rates};
 use crate::kernel::{BASE, Link, Model, Rigid, aba, inertia, jacobian, momentum, newton_euler};
-use crate::num::{F64x4, Fixed, Real, Static, V3};
+use crate::num::{Computation, Constant, Fixed, Lanes, List, Real, Static, V3};
 use crate::state::State;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -39,6 +39,21 @@ pub struct Kinematics<const N: usize, const V: usize, T: Real = f64> {
     pub(crate) poses: Fixed<BodyPose<T>, N>,
     pub(crate) rates: Fixed<Rates<T>, N>,
     pub(crate) nu: [T; V],
+}
+
+impl<const N: usize, const V: usize, T: Real> Kinematics<N, V, T> {
+    #[inline(always)]
+    pub(crate) fn at<K: Constant<T>>(model: Model<K>, q: &[T; N], nu: &[T; V]) -> Self {
+        // the lists are filled where they stay: in lanes they are kilobytes
+        let mut out = Self {
+            poses: Fixed::with_capacity(N + 1),
+            rates: Fixed::with_capacity(N + 1),
+            nu: *nu,
+        };
+        push_body_poses::<Static<N>, T, K>(model, q, &mut out.poses);
+        push_rates::<Static<N>, T, K>(model, &out.poses, nu, &mut out.rates);
+        out
+    }
 }
 
 impl<const N: usize, const V: usize> Tree<N, V> {
@@ -163,9 +178,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// [`kinematics`](Self::kinematics) over any scalar.
     #[inline]
     pub fn kinematics_in<T: Real>(&self, q: &[T; N], nu: &[T; V]) -> Kinematics<N, V, T> {
-        let poses = body_poses::<Static<N>, T, _>(self.model(), q);
-        let rates = rates::<Static<N>, T, _>(self.model(), &poses, nu);
-        Kinematics { poses, rates, nu: *nu }
+        Kinematics::at(self.model(), q, nu)
     }
 
     /// Pose of frame E in B: (`p_BE`, `R_BE`).
@@ -301,10 +314,10 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         out
     }
 
-    /// Four states at once: lane i of the result is bit-identical to [`aba`](Self::aba) on lane i of the arguments.
+    /// Several states at once: lane i of the result is bit-identical to [`aba`](Self::aba) on lane i of the arguments.
     #[inline(never)]
-    pub fn aba_x4(&self, q: &[F64x4; N], nu: &[F64x4; V], tau: &[F64x4; V]) -> [F64x4; V] {
-        self.aba_in(q, nu, tau)
+    pub fn aba_in_lanes<T: Lanes>(&self, q: &[T; N], nu: &[T; V], tau: &[T; V]) -> [T; V] {
+        T::compute(AbaInLanes { tree: self, q, nu, tau })
     }
 
     #[inline(always)]
@@ -441,5 +454,25 @@ impl<const N: usize, const V: usize, T: Real> Kinematics<N, V, T> {
     #[inline(always)]
     pub(crate) fn omega(&self) -> V3<T> {
         if V == N { V3::zero() } else { V3::read(&self.nu, 0) }
+    }
+}
+
+/// [`Tree::aba_in_lanes`].
+struct AbaInLanes<'a, const N: usize, const V: usize, T> {
+    tree: &'a Tree<N, V>,
+    q: &'a [T; N],
+    nu: &'a [T; V],
+    tau: &'a [T; V],
+}
+
+impl<const N: usize, const V: usize, T: Lanes> Computation for AbaInLanes<'_, N, V, T> {
+    type Output = [T; V];
+
+    #[inline(always)]
+    fn run(self) -> [T; V] {
+        let mut out = [T::of(0.0); V];
+        self.tree
+            .aba_into(self.q, self.nu, self.tau, V3::zero(), None, &mut out);
+        out
     }
 }

@@ -2,9 +2,6 @@
 
 use crate::scenario::{Program, Scenario};
 
-/// The number of points that one core runs most efficiently side by side.
-const SIDE_BY_SIDE: usize = if cfg!(target_arch = "x86_64") { 4 } else { 1 };
-
 /// The efficient number of points of `scenario` to run side by side.
 pub fn efficient_lanes(scenario: &Scenario) -> usize {
     let is_in_process = !scenario.programs().any(Program::is_external);
@@ -13,9 +10,9 @@ pub fn efficient_lanes(scenario: &Scenario) -> usize {
     } else {
         Vec::new()
     };
-    let batched = participants
+    let sizes = participants
         .into_iter()
         .flatten()
-        .any(|mut participant| participant.batch_member().is_some());
-    if batched { SIDE_BY_SIDE } else { 1 }
+        .filter_map(|mut participant| participant.batch_member().map(|member| member.efficient_size()));
+    sizes.max().unwrap_or(1)
 }
