@@ -58,7 +58,7 @@ EPISODES = {
 
 def episode(scenario, agent, steps, sets):
     """Seconds for a step of an environment, all others in Rust, and for the same stretch of the bare run in one process."""
-    env = Env(scenario, agent, set=sets, reward=lambda seen, action, t: 0.0)
+    env = Env(scenario, agent, set=sets, reward=lambda observation, action, t: 0.0)
     action = np.zeros(env.action_space.shape)
     env.reset()
     started = time.perf_counter()

@@ -84,21 +84,21 @@ pub(crate) struct Agent {
     outputs: Vec<Vec<Piece>>,
     /// A payload of each output.
     payloads: Vec<Vec<u8>>,
-    seen: Memory,
+    observation: Memory,
     action: Memory,
-    /// Copies of `seen` and `action`, in Rust memory.
+    /// Copies of `observation` and `action`, in Rust memory.
     flat: (Vec<u8>, Vec<u8>),
 }
 
 #[pymethods]
 impl Agent {
-    /// Replaces participant `name` of `run`. Its inputs are written to the array `seen`, its outputs are read from the array `action`.
+    /// Replaces participant `name` of `run`. Its inputs are written to the array `observation`, its outputs are read from the array `action`.
     #[new]
     fn new(
         py: Python<'_>,
         run: &Bound<'_, Run>,
         name: String,
-        seen: &Bound<'_, PyAny>,
+        observation: &Bound<'_, PyAny>,
         action: &Bound<'_, PyAny>,
     ) -> PyResult<Agent> {
         let mut run = run.borrow_mut();
@@ -106,23 +106,24 @@ impl Agent {
             .active()?
             .interface(&name)
             .map_err(|failure| errors::run(py, &failure))?;
-        let (inputs, shown) = pieces(interface.inputs.iter().map(|port| &port.descriptor));
-        let (outputs, given) = pieces(interface.outputs.iter().map(|port| &port.descriptor));
+        let (inputs, observed) = pieces(interface.inputs.iter().map(|port| &port.descriptor));
+        let (outputs, acted) = pieces(interface.outputs.iter().map(|port| &port.descriptor));
         let sizes = interface.outputs.iter().map(|port| port.descriptor.size as usize);
         Ok(Agent {
             payloads: sizes.map(|size| vec![0; size]).collect(),
-            seen: Memory::of_doubles(seen, shown)?,
-            action: Memory::of_doubles(action, given)?,
-            flat: (vec![0; 8 * shown], vec![0; 8 * given]),
+            observation: Memory::of_doubles(observation, observed)?,
+            action: Memory::of_doubles(action, acted)?,
+            flat: (vec![0; 8 * observed], vec![0; 8 * acted]),
             name,
             inputs,
             outputs,
         })
     }
 
-    /// Advances to the participant's next activation: returns its instant, s, with the inputs in the array; None when there is no further
-    /// one. With `acts`, the activation at which the participant is held gets the content of the array as its outputs.
-    fn on(&mut self, py: Python<'_>, run: &Bound<'_, Run>, acts: bool) -> PyResult<Option<f64>> {
+    /// Advances to the participant's next activation: returns its instant, s, with the inputs in the array `observation`; None when there
+    /// is no further one. With `acts`, the activation before whose step the participant is paused gets the content of `action` as its
+    /// outputs.
+    fn advance(&mut self, py: Python<'_>, run: &Bound<'_, Run>, acts: bool) -> PyResult<Option<f64>> {
         let mut run = run.borrow_mut();
         if acts {
             self.action.take(py, &mut self.flat.1);
@@ -130,8 +131,8 @@ impl Agent {
                 pieces
                     .iter()
                     .for_each(|piece| piece.write_doubles(&self.flat.1, payload));
-                let given = run.active()?.answer_at(number, payload);
-                if !given.map_err(|failure| errors::run(py, &failure))? {
+                let set = run.active()?.set_output_at(number, payload);
+                if !set.map_err(|failure| errors::run(py, &failure))? {
                     return Err(PyValueError::new_err(format!(
                         "`{}` is not paused before a step",
                         self.name
@@ -140,17 +141,17 @@ impl Agent {
             }
         }
         let name = self.name.as_str();
-        if !run.detached(py, |run| run.run_before(name))? {
+        if !run.detached(py, |run| run.run_to_step(name))? {
             return Ok(None);
         }
         let own = run.active()?;
         for (number, pieces) in self.inputs.iter().enumerate() {
-            let payload = own.shown_at(number).unwrap_or_default();
+            let payload = own.read_input_at(number).unwrap_or_default();
             pieces
                 .iter()
                 .for_each(|piece| piece.read_doubles(payload, &mut self.flat.0));
         }
-        self.seen.put(py, &self.flat.0);
+        self.observation.put(py, &self.flat.0);
         Ok(Some(own.now_s()))
     }
 }

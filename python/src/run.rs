@@ -279,23 +279,23 @@ impl Run {
     }
 
     /// Advances the run until a participant is about to step; returns whether it has a further activation.
-    fn run_before(&mut self, py: Python<'_>, participant: &str) -> PyResult<bool> {
-        self.detached(py, |run| run.run_before(participant))
+    fn run_to_step(&mut self, py: Python<'_>, participant: &str) -> PyResult<bool> {
+        self.detached(py, |run| run.run_to_step(participant))
     }
 
-    /// The sample that an input has in the activation before which its participant is held: index, instant and payload.
-    fn shown<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<(u64, f64, Bound<'py, PyBytes>)> {
+    /// The sample that an input has in the activation before whose step its participant is paused: index, instant and payload.
+    fn read_input<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<(u64, f64, Bound<'py, PyBytes>)> {
         let sample = self
             .active()?
-            .shown(port)
+            .read_input(port)
             .map_err(|failure| errors::run(py, &failure))?;
         Ok((sample.index(), sample.stamp_s(), PyBytes::new(py, sample.bytes())))
     }
 
     /// Supplies an output for that activation.
-    fn answer(&mut self, py: Python<'_>, port: &str, payload: &[u8]) -> PyResult<()> {
+    fn set_output(&mut self, py: Python<'_>, port: &str, payload: &[u8]) -> PyResult<()> {
         self.active()?
-            .answer_bytes(port, payload)
+            .set_output_bytes(port, payload)
             .map_err(|failure| errors::run(py, &failure))
     }
 

@@ -43,18 +43,18 @@ def act(observation):
 
 def test_episode_equals_the_run_of_the_same_policy():
     one = env()
-    seen, info = one.reset()
-    episode = [seen]
+    observation, info = one.reset()
+    episode = [observation]
     truncated = False
     while not truncated:
-        seen, value, over, truncated, info = one.step(act(seen))
+        observation, value, over, truncated, info = one.step(act(observation))
         assert not over
-        episode.append(seen)
+        episode.append(observation)
     run = esc.run(PID, participants={**LOOP, "controller": Policy.of(one, act)})
     position = run["plant.motion"].position
     # The measurement is 7 ms old.
-    assert [float(seen[0]) for seen in episode[2:-1]] == [float(position[5 * at - 7]) for at in range(2, 800)]
-    assert info["t"] == 4.0 and value == reward(seen, None, 4.0)
+    assert [float(observation[0]) for observation in episode[2:-1]] == [float(position[5 * at - 7]) for at in range(2, 800)]
+    assert info["t"] == 4.0 and value == reward(observation, None, 4.0)
 
 
 def test_reset_returns_to_the_start():
@@ -88,10 +88,10 @@ def test_bounds_are_those_of_guards():
 
 def test_environments_in_parallel_are_independent():
     many = gymnasium.vector.SyncVectorEnv([env, env, env])
-    seen, _ = many.reset()
+    observation, _ = many.reset()
     for _ in range(30):
-        seen, *_ = many.step(np.array([[1.0], [1.0], [5.0]]))
-    assert (seen[0] == seen[1]).all() and (seen[0] != seen[2]).any()
+        observation, *_ = many.step(np.array([[1.0], [1.0], [5.0]]))
+    assert (observation[0] == observation[1]).all() and (observation[0] != observation[2]).any()
     many.close()
 
 
@@ -125,10 +125,10 @@ def test_invalid_environment_is_refused():
 
 
 def play_episode(one, act):
-    seen, _ = one.reset()
+    observation, _ = one.reset()
     over = truncated = False
     while not (over or truncated):
-        seen, _, over, truncated, info = one.step(act(seen))
+        observation, _, over, truncated, info = one.step(act(observation))
     assert truncated, info
     return one.outcome()
 
@@ -136,9 +136,9 @@ def play_episode(one, act):
 def test_agent_with_the_law_of_the_controller_gives_its_tape():
     integral = [0.0]
 
-    def pid(seen):
-        error = seen[2] - seen[0]
-        wanted = 400.0 * (error + integral[0] / 0.3) - 40.0 * seen[1]
+    def pid(observation):
+        error = observation[2] - observation[0]
+        wanted = 400.0 * (error + integral[0] / 0.3) - 40.0 * observation[1]
         force = min(max(wanted, -20.0), 20.0)
         if force == wanted:
             integral[0] += 0.005 * error
@@ -156,8 +156,8 @@ def test_agent_replaces_a_continuous_participant():
     springs = {"left": Spring, "right": Spring}
     mass = [0.1, 0.0]
 
-    def spring(seen):
-        acceleration = 5.0 * (seen[0] - mass[0]) - 40.0 * mass[0]
+    def spring(observation):
+        acceleration = 5.0 * (observation[0] - mass[0]) - 40.0 * mass[0]
         mass[1] += 0.001 * acceleration
         mass[0] += 0.001 * mass[1]
         return mass
@@ -198,8 +198,8 @@ def test_rewards_of_figures_add_up_to_those_of_the_run():
 def test_close_capture_runs_with_a_passive_agent():
     one = Env(ROOT / "scenarios" / "close.toml", "controller", reward=lambda *_: 0.0, set={"duration": "0.2 s"})
     for _ in range(2):
-        seen, info = one.reset()
-        assert info["t"] == 0.0 and np.isfinite(seen).all()
+        observation, info = one.reset()
+        assert info["t"] == 0.0 and np.isfinite(observation).all()
         steps = 1
         while not one.step(np.zeros(one.action_space.shape))[3]:
             steps += 1
@@ -220,14 +220,14 @@ def test_whole_numbers_names_and_truth_values_are_doubles(scenario):
 
     class World(esc.Participant):
         back = esc.Input(Seen)
-        seen = esc.Output(Seen)
+        observation = esc.Output(Seen)
 
         def step(self, t, dt):
-            self.seen.count[:] = [-7, 300]
-            self.seen.mode, self.seen.flag = Mode.ON, True
+            self.observation.count[:] = [-7, 300]
+            self.observation.mode, self.observation.flag = Mode.ON, True
 
     class Agent(esc.Participant):
-        seen = esc.Input(Seen)
+        observation = esc.Input(Seen)
         back = esc.Output(Seen)
 
         def step(self, t, dt):
@@ -241,17 +241,17 @@ period = "10 ms"
 [participants.agent]
 run = { exe = "agent" }
 period = "10 ms"
-[connections.seen]
-from = "world.seen"
-to = "agent.seen"
+[connections.observation]
+from = "world.observation"
+to = "agent.observation"
 [connections.back]
 from = "agent.back"
 to = "world.back"
 delay = "10 ms"
 """
     one = Env(scenario(text), "agent", reward=lambda *_: 0.0, participants={"world": World, "agent": Agent})
-    seen, _ = one.reset()
-    assert seen.tolist() == [-7.0, 300.0, 3.0, 1.0]
+    observation, _ = one.reset()
+    assert observation.tolist() == [-7.0, 300.0, 3.0, 1.0]
     one.step([5.0, -3.0, 0.0, 1.0])
     given = one._run.newest("agent.back")
     assert given.count.tolist() == [5, -3] and given.mode is Mode.OFF or given.mode == 0

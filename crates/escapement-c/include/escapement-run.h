@@ -92,15 +92,15 @@ escapement_run_status escapement_run_to(escapement_run *run, double time);
 escapement_run_status escapement_run_step(escapement_run *run);
 
 /* Advances the run until `participant` is about to step: the inputs of its next activation are available, and all activations that must precede
- * it have been executed. *held is then 1. It is 0 when the participant has no further activation: the run has reached its end. */
-escapement_run_status escapement_run_before(escapement_run *run, const char *participant, uint32_t *held);
+ * it have been executed. *reached is then 1. It is 0 when the participant has no further activation: the run has reached its end. */
+escapement_run_status escapement_run_to_step(escapement_run *run, const char *participant, uint32_t *reached);
 
-/* Reads the sample that "PARTICIPANT.INPUT" has in the activation before which the participant is held, with delays and faults applied. */
-escapement_run_status escapement_run_shown(escapement_run *run, const char *port, escapement_run_sample *sample);
+/* Reads the sample that "PARTICIPANT.INPUT" has in the activation before which the participant is paused, with delays and faults applied. */
+escapement_run_status escapement_run_read_input(escapement_run *run, const char *port, escapement_run_sample *sample);
 
-/* Supplies "PARTICIPANT.OUTPUT" for that activation; the participant is then not stepped. Without an answer it steps as usual when the run
+/* Sets "PARTICIPANT.OUTPUT" for that activation; the participant is then not stepped. If no output is set, it steps as usual when the run
  * continues. */
-escapement_run_status escapement_run_answer(escapement_run *run, const char *port, const void *bytes, uint64_t byte_count);
+escapement_run_status escapement_run_set_output(escapement_run *run, const char *port, const void *bytes, uint64_t byte_count);
 
 /* Reads the newest sample of "PARTICIPANT.OUTPUT". */
 escapement_run_status escapement_run_newest(escapement_run *run, const char *port, escapement_run_sample *sample);

@@ -90,23 +90,23 @@ class Run {
     bool step() { return done(escapement_run_step(own.get())); }
 
     // Advances the run until `participant` is about to step; false when the run fails, or has reached its end.
-    bool before(const char *participant) {
-        uint32_t held = 0;
-        return done(escapement_run_before(own.get(), participant, &held)) && held != 0;
+    bool to_step(const char *participant) {
+        uint32_t reached = 0;
+        return done(escapement_run_to_step(own.get(), participant, &reached)) && reached != 0;
     }
 
     // The sample that "PARTICIPANT.INPUT" has in that activation.
-    template <class Message> bool shown(const char *port, Message &message) {
+    template <class Message> bool read_input(const char *port, Message &message) {
         static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
         escapement_run_sample sample{};
         sample.size = sizeof sample;
-        return copied(escapement_run_shown(own.get(), port, &sample), port, sample, &message, sizeof message);
+        return copied(escapement_run_read_input(own.get(), port, &sample), port, sample, &message, sizeof message);
     }
 
-    // Supplies "PARTICIPANT.OUTPUT" for that activation instead of a step of the participant.
-    template <class Message> bool answer(const char *port, const Message &message) {
+    // Sets "PARTICIPANT.OUTPUT" for that activation instead of a step of the participant.
+    template <class Message> bool set_output(const char *port, const Message &message) {
         static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
-        return done(escapement_run_answer(own.get(), port, &message, sizeof message));
+        return done(escapement_run_set_output(own.get(), port, &message, sizeof message));
     }
 
     // The newest sample of "PARTICIPANT.OUTPUT" as a plain struct of the same size.

@@ -86,13 +86,13 @@ proptest! {
             let number = number % plan.participants.len();
             for _ in 0..times {
                 let before = run.steppers()[number].next_activation();
-                let was_held = run.steppers()[number].is_held();
-                let held = run.run_before(number, plan.end, |_| {}).unwrap() == StopReason::Held;
+                let was_paused = run.steppers()[number].is_before_step();
+                let paused = run.run_to_step(number, plan.end, |_| {}).unwrap() == StopReason::BeforeStep;
                 let own = &run.steppers()[number];
-                prop_assert_eq!(held, own.is_held());
-                prop_assert_eq!(own.next_activation(), (before + u64::from(was_held)).min(own.assignment().activations));
+                prop_assert_eq!(paused, own.is_before_step());
+                prop_assert_eq!(own.next_activation(), (before + u64::from(was_paused)).min(own.assignment().activations));
                 let now = own.next_instant();
-                for stepper in run.steppers().iter().filter(|_| held) {
+                for stepper in run.steppers().iter().filter(|_| paused) {
                     let done = stepper.assignment().sample_time;
                     let next = stepper.next_activation();
                     prop_assert!(next >= done.count_before(now) && next <= done.count_before(now + 1));

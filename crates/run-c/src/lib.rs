@@ -3,9 +3,9 @@
 //! [`run_functions!`] defines them in a library, with that library's catalogue; their implementation is in this crate.
 
 #[doc(hidden)]
-pub mod held;
-#[doc(hidden)]
 pub mod run;
+#[doc(hidden)]
+pub mod step_pause;
 
 pub use run::{Checkpoint, Options, Outcome, Sample};
 
@@ -46,14 +46,14 @@ macro_rules! run_functions {
                 fn escapement_run_is_over(run: *const Run) -> u32 = calls::is_over(run);
                 fn escapement_run_to(run: *mut Run, time: f64) -> i32 = calls::to(run, time);
                 fn escapement_run_step(run: *mut Run) -> i32 = calls::step(run);
-                fn escapement_run_before(run: *mut Run, participant: *const c_char, held: *mut u32) -> i32
-                    = held_calls::before(run, participant, held);
-                fn escapement_run_shown(run: *mut Run, port: *const c_char, sample: *mut Sample) -> i32
-                    = held_calls::shown(run, port, sample);
-                fn escapement_run_answer(run: *mut Run, port: *const c_char, bytes: *const c_void, size: u64) -> i32
-                    = held_calls::answer(run, port, bytes, size);
+                fn escapement_run_to_step(run: *mut Run, participant: *const c_char, reached: *mut u32) -> i32
+                    = step_calls::to_step(run, participant, reached);
+                fn escapement_run_read_input(run: *mut Run, port: *const c_char, sample: *mut Sample) -> i32
+                    = step_calls::read_input(run, port, sample);
+                fn escapement_run_set_output(run: *mut Run, port: *const c_char, bytes: *const c_void, size: u64) -> i32
+                    = step_calls::set_output(run, port, bytes, size);
                 fn escapement_run_log(run: *mut Run, participant: *const c_char) -> *const c_char
-                    = held_calls::log(run, participant);
+                    = step_calls::log(run, participant);
                 fn escapement_run_newest(run: *mut Run, port: *const c_char, sample: *mut Sample) -> i32
                     = calls::newest(run, port, sample);
                 fn escapement_run_field(run: *mut Run, port: *const c_char, field: *const c_char, values: *mut f64, count: u32) -> i32
@@ -96,6 +96,6 @@ pub mod __private {
 
     pub use engine::Catalogue;
 
-    pub use crate::held as held_calls;
     pub use crate::run::{self as calls, Checkpoint, Options, Outcome, Run, Sample};
+    pub use crate::step_pause as step_calls;
 }

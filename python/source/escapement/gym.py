@@ -52,13 +52,13 @@ class Env(gymnasium.Env):
         table = scenario.to_dict()
         self._parameters = list(table["participants"][agent].get("parameters", {}))
         bounds = _bounds(table, agent, known, ranges or {})
-        seen, given = _layout(self._interface["inputs"]), _layout(self._interface["outputs"])
-        if not given:
+        observed, acted = _layout(self._interface["inputs"]), _layout(self._interface["outputs"])
+        if not acted:
             raise EscapementError(f"`{agent}` has no output: an agent acts by its outputs")
-        self.observation_space = _space(seen, bounds)
-        self.action_space = _space(given, bounds)
+        self.observation_space = _space(observed, bounds)
+        self.action_space = _space(acted, bounds)
         # Observation and action: the native module writes and reads these arrays.
-        self.seen, self.action = np.zeros(self.observation_space.shape), np.zeros(self.action_space.shape)
+        self.observation, self.action = np.zeros(self.observation_space.shape), np.zeros(self.action_space.shape)
         self._reward = reward if callable(reward) else _Figures(reward, reward_at, checked["figures"])
         if callable(reward) and reward_at != "step":
             raise EscapementError(f"reward_at={reward_at!r} goes with figures: a function is asked at every step")
@@ -72,7 +72,7 @@ class Env(gymnasium.Env):
         # Instants as integer multiples of a common fraction of a second.
         self._parts = math.lcm(period[1], offset[1])
         self._period, self._offset = (part[0] * (self._parts // part[1]) for part in (period, offset))
-        self._run = self._start = self._native = self._on = None
+        self._run = self._start = self._native = self._advance = None
         self._run_seed = self._scenario.seed
         self._steps = 0
 
@@ -86,7 +86,7 @@ class Env(gymnasium.Env):
                 self._run_seed = seed
             self._run = Run(self._scenario, in_process=True, record="memory")
             self._native = self._run._native
-            self._on = _native.Agent(self._native, self.agent, self.seen, self.action).on
+            self._advance = _native.Agent(self._native, self.agent, self.observation, self.action).advance
             try:
                 self._start = self._run.save()
             except RunError:
@@ -98,11 +98,11 @@ class Env(gymnasium.Env):
         self._steps = 0
         if isinstance(self._reward, _Figures):
             self._reward.begin()
-        t = self._on(self._native, False)
+        t = self._advance(self._native, False)
         if t is None:
             self.close()
             raise EscapementError(f"`{self.agent}` has no activation before the end of the scenario")
-        return self.seen.copy(), {"t": t}
+        return self.observation.copy(), {"t": t}
 
     def step(self, action):
         """Applies an action, and advances the run to the next activation."""
@@ -112,29 +112,29 @@ class Env(gymnasium.Env):
         self.action[:] = action
         self._steps += 1
         try:
-            t = self._on(self._native, True)
+            t = self._advance(self._native, True)
         except RunError as error:
             return self._failed(error)
         truncated = t is None
         if truncated:
             t = (self._offset + self._steps * self._period) / self._parts
-        seen = self.seen.copy()
-        over = self._terminated is not None and bool(self._terminated(seen, t))
-        return seen, self._value(seen, t, over or truncated), over, truncated, {"t": t}
+        observation = self.observation.copy()
+        over = self._terminated is not None and bool(self._terminated(observation, t))
+        return observation, self._value(observation, t, over or truncated), over, truncated, {"t": t}
 
-    def _value(self, seen, t, last):
+    def _value(self, observation, t, last):
         if isinstance(self._reward, _Figures):
             return self._reward.after(self._native, last)
-        return float(self._reward(seen, self.action, t))
+        return float(self._reward(observation, self.action, t))
 
     def _failed(self, error):
         if self._run._interrupt.asked():
             raise KeyboardInterrupt from None
         t = (self._offset + self._steps * self._period) / self._parts
-        seen = self.seen.copy()
-        value = self._value(seen, t, True)
+        observation = self.observation.copy()
+        value = self._value(observation, t, True)
         self.close()
-        return seen, value, True, False, {"t": t, "failure": str(error)}
+        return observation, value, True, False, {"t": t, "failure": str(error)}
 
     def outcome(self):
         """Ends the run of this episode at its present time, and returns its figures and the digest of its tape. `reset` starts another run."""
@@ -150,7 +150,7 @@ class Env(gymnasium.Env):
         if self._run is not None:
             self._run.check_thread()
             self._native.close()
-        self._run = self._start = self._native = self._on = None
+        self._run = self._start = self._native = self._advance = None
 
 
 class _Figures:
@@ -189,18 +189,18 @@ class Policy:
         """The class; pass it to `run` as the participant's replacement."""
         first = _first_sample(env) if env._interface["kind"] == "continuous" else None
 
-        class Acts(_class_of(env._interface, env._parameters)):
+        class PolicyParticipant(_class_of(env._interface, env._parameters)):
             def __init__(self):
-                self.seen = np.empty(env.observation_space.shape)
+                self.observation = np.empty(env.observation_space.shape)
 
             def initialise(self, t):
                 if first is not None:
-                    self._give(first)
+                    self._act(first)
 
             def step(self, t, dt):
-                self._give(np.asarray(function(self._see(self.seen).copy()), dtype=float))
+                self._act(np.asarray(function(self._observe(self.observation).copy()), dtype=float))
 
-        return Acts
+        return PolicyParticipant
 
 
 def _first_sample(env):
@@ -270,7 +270,7 @@ def _class_of(interface, parameters):
     inputs = [(f"in_{at}", _layout({name: descriptor})) for at, (name, descriptor) in enumerate(interface["inputs"].items())]
     outputs = [(f"out_{at}", _layout({name: descriptor})) for at, (name, descriptor) in enumerate(interface["outputs"].items())]
 
-    def pieces(self, ports):
+    def fields_of(self, ports):
         """The memory of each field, with its position in a flat array."""
         made, start = [], 0
         for attribute, layout in ports:
@@ -280,18 +280,18 @@ def _class_of(interface, parameters):
                 start += count
         return made
 
-    def see(self, flat):
-        if "_esc_in" not in self.__dict__:
-            self.__dict__["_esc_in"] = pieces(self, inputs)
-        for view, place in self.__dict__["_esc_in"]:
+    def observe(self, flat):
+        if "_esc_input_fields" not in self.__dict__:
+            self.__dict__["_esc_input_fields"] = fields_of(self, inputs)
+        for view, place in self.__dict__["_esc_input_fields"]:
             flat[place] = view
         return flat
 
-    def give(self, flat):
-        if "_esc_out" not in self.__dict__:
-            self.__dict__["_esc_out"] = pieces(self, outputs)
-        for view, place in self.__dict__["_esc_out"]:
+    def act(self, flat):
+        if "_esc_output_fields" not in self.__dict__:
+            self.__dict__["_esc_output_fields"] = fields_of(self, outputs)
+        for view, place in self.__dict__["_esc_output_fields"]:
             view[...] = flat[place]
 
-    space.update(kind=interface["kind"], _see=see, _give=give, step=lambda self, t, dt: None)
-    return type("Seat", (Participant,), space)
+    space.update(kind=interface["kind"], _observe=observe, _act=act, step=lambda self, t, dt: None)
+    return type("AgentParticipant", (Participant,), space)

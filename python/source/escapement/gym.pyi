@@ -13,7 +13,7 @@ _Array = npt.NDArray[np.float64]
 class Env(gymnasium.Env[_Array, _Array]):
     agent: str
     action: _Array
-    seen: _Array
+    observation: _Array
     def __init__(
         self,
         scenario: str | PathLike[str] | Scenario,

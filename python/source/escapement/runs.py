@@ -371,21 +371,21 @@ class Run:
         message._set_bytes(payload)
         return Sample(index, t, message)
 
-    def run_before(self, participant):
-        """Advances the run until `participant` is about to step: the inputs of its next activation are available (`shown`), and its outputs can
-        be supplied instead of its step (`answer`). False when it has no further activation: the run has then reached its end."""
-        return self._on(self._open.run_before, participant)
+    def run_to_step(self, participant):
+        """Advances the run until `participant` is about to step: the inputs of its next activation are available (`read_input`), and its outputs can
+        be set instead of its step (`set_output`). False when it has no further activation: the run has then reached its end."""
+        return self._on(self._open.run_to_step, participant)
 
-    def shown(self, port):
-        """The sample that `PARTICIPANT.INPUT` has in the activation before which the participant is held."""
-        index, t, payload = self._open.shown(port)
+    def read_input(self, port):
+        """The sample that `PARTICIPANT.INPUT` has in the activation before whose step the participant is paused."""
+        index, t, payload = self._open.read_input(port)
         message = self._message_of(port)()
         message._set_bytes(payload)
         return Sample(index, t, message)
 
-    def answer(self, port, message=None, **fields):
-        """Supplies `PARTICIPANT.OUTPUT` for that activation: a message, or its fields by name. The participant is then not stepped."""
-        self._open.answer(port, self._payload(port, message, fields))
+    def set_output(self, port, message=None, **fields):
+        """Sets `PARTICIPANT.OUTPUT` for that activation: a message, or its fields by name. The participant is then not stepped."""
+        self._open.set_output(port, self._payload(port, message, fields))
 
     def _payload(self, port, message, fields):
         """The bytes of a message for `port`; none for a port that does not exist, which the run refuses with the ports there are."""

@@ -368,8 +368,8 @@ impl Run {
         run_state.last_checkpoint = run_state.scenario.restarts().then(|| state.clone());
         self.executor.set_reached(checkpoint.now);
         (self.now, self.over, self.inputs_pending) = (checkpoint.now, None, false);
-        // The record that outputs were given is cut off as well.
-        (self.held, self.answered) = (false, false);
+        // The record that outputs were set is cut off as well.
+        (self.before_step, self.outputs_set) = (false, false);
         self.valid_checkpoints.retain(|save| *save <= checkpoint.number);
         Ok(())
     }

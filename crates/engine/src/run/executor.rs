@@ -19,8 +19,8 @@ pub(super) enum Turn {
     Continue,
     /// All participants are paused at this instant, where the clock controller stops.
     Paused(Ticks),
-    /// The participant that is to be held has the inputs of its activation at this instant, and has not stepped.
-    Held(Ticks),
+    /// The participant that is to be paused before its step has the inputs of its activation at this instant, and has not stepped.
+    BeforeStep(Ticks),
     /// The run is over.
     Over(Ending),
     /// A step is to be done together with those of other runs.
@@ -104,22 +104,22 @@ pub(super) trait Executor {
     fn restart_timeout(&mut self);
 
     /// From now on turns stop before each step of participant number `number`. Returns the instant of the first such step, if
-    /// participants can be held.
-    fn hold(&mut self, number: usize) -> Option<Ticks> {
+    /// participants can be paused there.
+    fn pause_before_step(&mut self, number: usize) -> Option<Ticks> {
         let _ = number;
         None
     }
 
-    /// From now on no participant is held.
-    fn release_hold(&mut self) {}
+    /// From now on no participant is paused before its step.
+    fn clear_step_pause(&mut self) {}
 
-    /// The participant that is held before its step.
-    fn held(&self) -> Option<&Stepper> {
+    /// The participant that is paused before its step.
+    fn before_step(&self) -> Option<&Stepper> {
         None
     }
 
-    /// Gives output number `output` of the participant that is held, in place of its step.
-    fn answer(&mut self, output: usize, payload: &[u8]) {
+    /// Sets output number `output` of the participant that is paused before its step, in place of its step.
+    fn set_output(&mut self, output: usize, payload: &[u8]) {
         let _ = (output, payload);
     }
 

@@ -41,10 +41,10 @@ pub struct Run {
     pub(super) run_state: RunState,
     /// All participants have done exactly the activations before this instant.
     pub(super) now: Ticks,
-    /// A participant is held before its step at this instant.
-    pub(super) held: bool,
-    /// Outputs were given in place of a participant's step.
-    pub(super) answered: bool,
+    /// A participant is paused before its step at this instant.
+    pub(super) before_step: bool,
+    /// Outputs were set in place of a participant's step.
+    pub(super) outputs_set: bool,
     pub(super) over: Option<RunEnd>,
     /// Inputs were set that the participants have not received yet.
     pub(super) inputs_pending: bool,
@@ -63,8 +63,8 @@ pub(super) enum LoopExit {
     /// At its bound.
     Paused,
     Over(Ending),
-    /// Where a participant is held before its step.
-    Held(Ticks),
+    /// Where a participant is paused before its step.
+    BeforeStep(Ticks),
     /// At a step that is to be done together with those of other runs: the next call continues after it.
     Parked,
 }
@@ -217,8 +217,8 @@ impl Run {
             executor,
             run_state,
             now: from,
-            held: false,
-            answered: false,
+            before_step: false,
+            outputs_set: false,
             over: None,
             inputs_pending: false,
             number: RUNS.fetch_add(1, Ordering::Relaxed),
@@ -231,11 +231,11 @@ impl Run {
 
     /// Runs until all participants are paused at `bound`, or to the end of the run.
     pub(super) fn run_until(&mut self, bound: Option<Ticks>) {
-        self.executor.release_hold();
+        self.executor.clear_step_pause();
         self.advance(bound);
     }
 
-    /// As [`Run::run_until`], but a participant that is to be held stops the run before its step.
+    /// As [`Run::run_until`], but the run also stops before the step of the participant that is to be paused.
     pub(super) fn advance(&mut self, bound: Option<Ticks>) {
         if self.over.is_some() {
             return;
@@ -258,9 +258,9 @@ impl Run {
     /// Follow-up of [`Run::run_loop`], unless the run is parked.
     pub(super) fn end_advance(&mut self, bound: Option<Ticks>, exit: LoopExit) {
         self.now = bound.unwrap_or(self.run_state.plan.end);
-        self.held = false;
-        if let LoopExit::Held(at) = exit {
-            (self.now, self.held) = (at, true);
+        self.before_step = false;
+        if let LoopExit::BeforeStep(at) = exit {
+            (self.now, self.before_step) = (at, true);
         }
         if let LoopExit::Over(ending) = exit {
             let newest = self.run_state.newest().clamp(0, self.run_state.plan.end);
@@ -289,7 +289,7 @@ impl Run {
             let done = turn.and_then(|turn| match turn {
                 Turn::Continue => Ok(None),
                 Turn::Over(ending) => Ok(Some(LoopExit::Over(ending))),
-                Turn::Held(at) => Ok(Some(LoopExit::Held(at))),
+                Turn::BeforeStep(at) => Ok(Some(LoopExit::BeforeStep(at))),
                 Turn::Parked => Ok(Some(LoopExit::Parked)),
                 Turn::Paused(now) => {
                     let ending = perform_actions(executor, run_state, now)?;

@@ -18,8 +18,8 @@ pub enum StopReason {
     Horizon,
     /// A step is to be executed together with those of other loops: [`InLoop::pending`]. Repeating the same call continues after it.
     Deferred,
-    /// The participant of [`InLoop::run_before`] is held before its step.
-    Held,
+    /// The participant of [`InLoop::run_to_step`] is paused before its step.
+    BeforeStep,
 }
 
 /// An event in a loop.
@@ -110,8 +110,8 @@ impl InLoop {
 
     /// Like [`InLoop::run_to`], but only until participant number `number` has the inputs of its next activation before `horizon`, and
     /// has not been stepped: then everything before that instant is done, and at the instant whatever must come before it. A participant
-    /// that is held already is stepped first.
-    pub fn run_before(
+    /// that is already paused there is stepped first.
+    pub fn run_to_step(
         &mut self,
         number: usize,
         horizon: Ticks,
@@ -119,7 +119,7 @@ impl InLoop {
     ) -> Result<StopReason, RunError> {
         for (other, stepper) in self.steppers.iter_mut().enumerate() {
             if other == number {
-                stepper.hold();
+                stepper.pause_before_step();
             } else {
                 stepper.release();
             }
@@ -127,7 +127,7 @@ impl InLoop {
         self.advance_to(horizon, watch)
     }
 
-    /// Does every activation before `horizon`, or until a participant is held or its step is left to the caller.
+    /// Does every activation before `horizon`, or until a participant is paused before its step or its step is left to the caller.
     fn advance_to(&mut self, horizon: Ticks, mut watch: impl FnMut(LoopEvent)) -> Result<StopReason, RunError> {
         self.deferred = None;
         if !self.started {
@@ -179,7 +179,7 @@ impl InLoop {
                             activation,
                         });
                     }
-                    Progress::Held => return Ok(StopReason::Held),
+                    Progress::BeforeStep => return Ok(StopReason::BeforeStep),
                     Progress::Deferred => {
                         self.deferred = Some(number as usize);
                         return Ok(StopReason::Deferred);
@@ -204,7 +204,7 @@ impl InLoop {
         for stepper in &mut self.steppers {
             match stepper.poll().map_err(|source| RunError::of(stepper, source))? {
                 Progress::AtHorizon | Progress::Finished => {}
-                Progress::Stepped | Progress::Waiting(_) | Progress::Held | Progress::Deferred => {
+                Progress::Stepped | Progress::Waiting(_) | Progress::BeforeStep | Progress::Deferred => {
                     let now = stepper.next_instant();
                     return Err(self.deadlock_error(now));
                 }
@@ -258,7 +258,7 @@ impl InLoop {
         self.steppers.iter_mut().for_each(Stepper::clear_unpublished_outputs);
     }
 
-    /// Provides output number `output` of the activation before which participant number `number` is held: see [`Stepper::set_output`].
+    /// Provides output number `output` of the activation before whose step participant number `number` is paused: see [`Stepper::set_output`].
     ///
     /// # Panics
     /// As for [`Stepper::set_output`].

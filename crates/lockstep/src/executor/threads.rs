@@ -22,7 +22,7 @@ pub fn run_in_threads(parts: Vec<LocalParticipant>, horizon: Ticks) -> Result<()
                         match stepper.poll() {
                             Ok(Progress::Stepped) => {}
                             Ok(Progress::AtHorizon | Progress::Finished) => return Ok(()),
-                            Ok(Progress::Waiting(_) | Progress::Held | Progress::Deferred) => thread::yield_now(),
+                            Ok(Progress::Waiting(_) | Progress::BeforeStep | Progress::Deferred) => thread::yield_now(),
                             Err(source) => {
                                 stop.store(true, Ordering::Relaxed);
                                 return Err(RunError::of(&stepper, source));

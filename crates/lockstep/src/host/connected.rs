@@ -220,8 +220,8 @@ impl ConnectedParticipant {
                     self.send_event(&ParticipantEvent::Finished(self.timing.clone()), sleeper)?;
                     return Ok(AdvanceOutcome::Finished);
                 }
-                // In a process, no participant is held and no step is left to the caller.
-                Progress::Waiting(_) | Progress::Held | Progress::Deferred => {}
+                // In a process, no participant is paused before its step and no step is left to the caller.
+                Progress::Waiting(_) | Progress::BeforeStep | Progress::Deferred => {}
             }
         }
     }
@@ -353,7 +353,11 @@ impl ConnectedParticipant {
         let Some(spans) = &mut self.spans else { return };
         let now_for = match progress {
             Progress::Waiting(wait) => Some(wait),
-            Progress::Stepped | Progress::AtHorizon | Progress::Finished | Progress::Held | Progress::Deferred => None,
+            Progress::Stepped
+            | Progress::AtHorizon
+            | Progress::Finished
+            | Progress::BeforeStep
+            | Progress::Deferred => None,
         };
         let over = waiting.filter(|waited| Some(waited.what) != now_for);
         if let Some(waited) = over {
@@ -372,7 +376,11 @@ impl ConnectedParticipant {
             Progress::Waiting(Wait::Room { .. } | Wait::Recording) if over.is_some() || waiting.is_none() => {
                 spans.record_step(activation, begun_ns, false);
             }
-            Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished | Progress::Held | Progress::Deferred => {}
+            Progress::Waiting(_)
+            | Progress::AtHorizon
+            | Progress::Finished
+            | Progress::BeforeStep
+            | Progress::Deferred => {}
         }
     }
 

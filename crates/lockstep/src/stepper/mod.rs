@@ -6,7 +6,6 @@
 
 mod deferred;
 mod error;
-mod hold;
 mod input;
 mod interpolator;
 mod lifecycle;
@@ -16,6 +15,7 @@ mod progress;
 mod resume;
 mod source;
 mod step;
+mod step_pause;
 mod termination;
 
 pub use error::{PositionError, StepError};
@@ -233,8 +233,8 @@ impl Stepper {
                     }
                 }
                 Phase::Ready => {
-                    if self.requests.hold.is_some_and(|from| self.next >= from) {
-                        return Ok(Progress::Held);
+                    if self.requests.pause_from.is_some_and(|from| self.next >= from) {
+                        return Ok(Progress::BeforeStep);
                     }
                     self.do_step()?;
                 }

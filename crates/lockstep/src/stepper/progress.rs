@@ -34,8 +34,8 @@ pub enum Progress {
     AtHorizon,
     /// All activations are complete and published.
     Finished,
-    /// The participant has its inputs, and is held before its step: see [`Stepper::hold`](super::Stepper::hold).
-    Held,
+    /// The participant has its inputs, and is paused before its step: see [`Stepper::pause_before_step`](super::Stepper::pause_before_step).
+    BeforeStep,
     /// The stepper needs something first.
     Waiting(Wait),
     /// The step is to be executed together with others: see [`Stepper::defer_steps`](super::Stepper::defer_steps). Never returned without
@@ -58,8 +58,8 @@ pub struct LinkEnds {
 pub(super) struct Requests {
     /// Whether the participant has begun, has not panicked, and is to be notified when its part is over.
     pub(super) notify_termination: bool,
-    /// The first activation before whose step the participant is held; it is then held before each one.
-    pub(super) hold: Option<u64>,
+    /// The first activation before whose step the participant is paused; it is then paused before each one.
+    pub(super) pause_from: Option<u64>,
     /// Whether the outputs of the current activation were provided from outside.
     pub(super) outputs_provided: bool,
 }

@@ -39,8 +39,8 @@ pub(crate) struct LoopExecutor {
     /// Where the present stretch ends, while it waits for a step to be done together with those of other runs.
     parked: Option<Ticks>,
     last_flush: Instant,
-    /// The participant that is held before each step.
-    hold: Option<usize>,
+    /// The participant that is paused before each step.
+    pause_before: Option<usize>,
     logs: SharedLogs,
 }
 
@@ -106,7 +106,7 @@ pub(crate) fn set_up(
         reached: from,
         parked: None,
         last_flush: Instant::now(),
-        hold: None,
+        pause_before: None,
         logs,
     })
 }
@@ -237,7 +237,7 @@ impl LoopExecutor {
         horizon
     }
 
-    /// Runs the participants up to `horizon`, or up to the step of the participant that is to be held.
+    /// Runs the participants up to `horizon`, or up to the step of the participant that is to be paused.
     fn run_up_to(&mut self, run_state: &mut RunState, horizon: Ticks) -> Result<StopReason, RunError> {
         let Some(in_loop) = &mut self.in_loop else {
             return Ok(StopReason::Horizon);
@@ -254,8 +254,8 @@ impl LoopExecutor {
                 activation,
             } => span_analysis.step_ends(participant, activation, clock),
         };
-        match self.hold {
-            Some(number) => in_loop.run_before(number, horizon, observe),
+        match self.pause_before {
+            Some(number) => in_loop.run_to_step(number, horizon, observe),
             None if needs_spans => in_loop.run_to(horizon, observe),
             None => in_loop.run_to(horizon, |_| {}),
         }
@@ -287,15 +287,15 @@ impl Executor for LoopExecutor {
             let reason = full_log_reason();
             return Err(Ending::Failed { participant, reason });
         }
-        if reach == StopReason::Held
-            && let Some(held) = self.held()
+        if reach == StopReason::BeforeStep
+            && let Some(stepper) = self.before_step()
         {
-            let at = held.next_instant();
+            let at = stepper.next_instant();
             let t_s = plan.timebase.seconds(at);
             run_state.options.progress.report(Report::Time { t_s });
             return Ok(match run_state.options.interrupt.is_requested() {
                 true => Turn::Over(interrupted_ending(t_s)),
-                false => Turn::Held(at),
+                false => Turn::BeforeStep(at),
             });
         }
         run_state.report_progress(horizon, horizon == reached);
@@ -426,24 +426,24 @@ impl Executor for LoopExecutor {
 
     fn restart_timeout(&mut self) {}
 
-    fn hold(&mut self, number: usize) -> Option<Ticks> {
-        self.hold = Some(number);
+    fn pause_before_step(&mut self, number: usize) -> Option<Ticks> {
+        self.pause_before = Some(number);
         let stepper = self.in_loop.as_ref()?.steppers().get(number)?;
-        let next = stepper.next_activation() + u64::from(stepper.is_held());
+        let next = stepper.next_activation() + u64::from(stepper.is_before_step());
         Some(stepper.assignment().sample_time.instant(next))
     }
 
-    fn release_hold(&mut self) {
-        self.hold = None;
+    fn clear_step_pause(&mut self) {
+        self.pause_before = None;
     }
 
-    fn held(&self) -> Option<&Stepper> {
-        let stepper = self.in_loop.as_ref()?.steppers().get(self.hold?)?;
-        stepper.is_held().then_some(stepper)
+    fn before_step(&self) -> Option<&Stepper> {
+        let stepper = self.in_loop.as_ref()?.steppers().get(self.pause_before?)?;
+        stepper.is_before_step().then_some(stepper)
     }
 
-    fn answer(&mut self, output: usize, payload: &[u8]) {
-        if let (Some(in_loop), Some(number)) = (&mut self.in_loop, self.hold) {
+    fn set_output(&mut self, output: usize, payload: &[u8]) {
+        if let (Some(in_loop), Some(number)) = (&mut self.in_loop, self.pause_before) {
             in_loop.set_output(number, output, payload);
         }
     }

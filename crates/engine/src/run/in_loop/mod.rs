@@ -3,5 +3,5 @@
 pub(super) mod batched;
 pub(super) mod direct;
 pub(super) mod executor;
-pub(super) mod held;
 pub(super) mod logs;
+pub(super) mod step_pause;

@@ -1,4 +1,4 @@
-//! A pause within an instant: a participant is held before its step, its inputs can be read, and its outputs can be set instead of
+//! A pause within an instant: a participant is paused before its step, its inputs can be read, and its outputs can be set instead of
 //! the step.
 
 use lockstep::participant::{Interface, Payload};
@@ -11,22 +11,21 @@ use crate::run::recording::newest::Sample;
 
 impl Run {
     /// Runs until `participant` is about to step: it has the inputs of its next activation, at [`Run::now`], and everything that
-    /// must come before that has been done. [`Run::shown`] returns its inputs and [`Run::answer`] gives its outputs; without an
-    /// answer it steps as usual when the run continues. Returns `false` when it has no activation left: then the run has come to
-    /// its end.
+    /// must come before that has been done. [`Run::read_input`] returns its inputs and [`Run::set_output`] sets its outputs; if none is
+    /// set, it steps as usual when the run continues. Returns `false` when it has no activation left: then the run has reached its end.
     ///
     /// # Errors
     /// When there is no such participant, or the run is in processes; [`RunFailure::Over`].
-    pub fn run_before(&mut self, participant: &str) -> Result<bool, RunFailure> {
+    pub fn run_to_step(&mut self, participant: &str) -> Result<bool, RunFailure> {
         let number = self.participant_number(participant)?;
         if self.over.is_some() {
             return Err(self.over_failure());
         }
-        let Some(next) = self.executor.hold(number) else {
+        let Some(next) = self.executor.pause_before_step(number) else {
             return Err(RunFailure::Participant {
                 participant: participant.to_owned(),
                 reason:
-                    "is in a process of its own, which is not held before a step: run in this process (`in_process`)"
+                    "is in a process of its own, which cannot be paused before a step: run in this process (`in_process`)"
                         .into(),
             });
         };
@@ -48,14 +47,14 @@ impl Run {
         Ok(&self.run_state.plan.participants[number].interface)
     }
 
-    /// What `PARTICIPANT.INPUT` shows in the activation before which the participant is held, as the participant sees it: after
-    /// delays and faults. Its index is that of the activation, its stamp the instant.
+    /// The sample that `PARTICIPANT.INPUT` has in the activation before whose step the participant is paused, with delays and
+    /// faults applied. Its index is that of the activation, its stamp the instant.
     ///
     /// # Errors
-    /// When the participant is not held, or has no such input.
-    pub fn shown(&self, port: &str) -> Result<Sample, RunFailure> {
+    /// When the participant is not paused before its step, or has no such input.
+    pub fn read_input(&self, port: &str) -> Result<Sample, RunFailure> {
         let (name, input) = self.split_held_port(port)?;
-        let stepper = self.executor.held().ok_or_else(|| not_held(port, name))?;
+        let stepper = self.executor.before_step().ok_or_else(|| not_paused(port, name))?;
         let inputs = &stepper.assignment().interface.inputs;
         let number = port_number(port, "input", input, inputs.iter().map(|one| &one.name))?;
         let descriptor = inputs[number].descriptor.clone();
@@ -70,26 +69,26 @@ impl Run {
         })
     }
 
-    /// Gives `PARTICIPANT.OUTPUT` for the activation before which the participant is held: the participant then does not step, and
-    /// this value is published instead. Outputs that are not given keep their last value.
+    /// Sets `PARTICIPANT.OUTPUT` for the activation before whose step the participant is paused: the participant then does not step, and
+    /// this value is published instead. Outputs that are not set keep their last value.
     ///
     /// # Errors
-    /// When the participant is not held, has no such output, or its payload has other fields than `M`.
-    pub fn answer<M: Message>(&mut self, port: &str, value: &M) -> Result<(), RunFailure> {
-        self.answer_as(port, Payload::of(value).bytes(), Some(&M::descriptor()))
+    /// When the participant is not paused before its step, has no such output, or its payload has other fields than `M`.
+    pub fn set_output<M: Message>(&mut self, port: &str, value: &M) -> Result<(), RunFailure> {
+        self.set_output_as(port, Payload::of(value).bytes(), Some(&M::descriptor()))
     }
 
-    /// As [`Run::answer`], with the bytes of the payload.
+    /// As [`Run::set_output`], with the bytes of the payload.
     ///
     /// # Errors
-    /// As [`Run::answer`]; also for a wrong size.
-    pub fn answer_bytes(&mut self, port: &str, payload: &[u8]) -> Result<(), RunFailure> {
-        self.answer_as(port, payload, None)
+    /// As [`Run::set_output`]; also for a wrong size.
+    pub fn set_output_bytes(&mut self, port: &str, payload: &[u8]) -> Result<(), RunFailure> {
+        self.set_output_as(port, payload, None)
     }
 
-    fn answer_as(&mut self, port: &str, payload: &[u8], message: Option<&Descriptor>) -> Result<(), RunFailure> {
+    fn set_output_as(&mut self, port: &str, payload: &[u8], message: Option<&Descriptor>) -> Result<(), RunFailure> {
         let (name, output) = self.split_held_port(port)?;
-        let stepper = self.executor.held().ok_or_else(|| not_held(port, name))?;
+        let stepper = self.executor.before_step().ok_or_else(|| not_paused(port, name))?;
         let outputs = &stepper.assignment().interface.outputs;
         let number = port_number(port, "output", output, outputs.iter().map(|one| &one.name))?;
         let descriptor = &outputs[number].descriptor;
@@ -110,58 +109,63 @@ impl Run {
             ));
         }
         if let Some(invalid) = descriptor.invalid(payload).next() {
-            return refuse(format!("cannot be given {}", invalid.describe("a value")));
+            return refuse(format!("cannot be set to {}", invalid.describe("a value")));
         }
-        self.set_output(number, payload)
+        self.override_output(number, payload)
     }
 
-    /// What input number `input` shows to the participant that is held, without a lookup by name; `None` if no participant is held.
-    pub fn shown_at(&self, input: usize) -> Option<&[u8]> {
-        let stepper = self.executor.held()?;
+    /// The payload of input number `input` of the paused participant, without a lookup by name; `None` if no participant is paused before its
+    /// step.
+    pub fn read_input_at(&self, input: usize) -> Option<&[u8]> {
+        let stepper = self.executor.before_step()?;
         (input < stepper.assignment().interface.inputs.len()).then(|| stepper.input_value(input))
     }
 
-    /// Gives output number `output` of the participant that is held, without a lookup by name. A value that is not finite ends the
-    /// run, as it would if the participant published it. Returns whether a participant is held and the payload has the right size.
+    /// Sets output number `output` of the paused participant, without a lookup by name. A value that is not finite ends the run, as it
+    /// would if the participant published it. Returns whether a participant is paused before its step and the payload has the right
+    /// size.
     ///
     /// # Errors
     /// When the tape cannot be written.
-    pub fn answer_at(&mut self, output: usize, payload: &[u8]) -> Result<bool, RunFailure> {
+    pub fn set_output_at(&mut self, output: usize, payload: &[u8]) -> Result<bool, RunFailure> {
         let outputs = self
             .executor
-            .held()
+            .before_step()
             .map(|stepper| &stepper.assignment().interface.outputs);
         let port = outputs.and_then(|outputs| outputs.get(output));
         if port.is_none_or(|port| port.descriptor.size as usize != payload.len()) {
             return Ok(false);
         }
-        self.set_output(output, payload).map(|()| true)
+        self.override_output(output, payload).map(|()| true)
     }
 
-    fn set_output(&mut self, output: usize, payload: &[u8]) -> Result<(), RunFailure> {
-        if !self.answered {
+    fn override_output(&mut self, output: usize, payload: &[u8]) -> Result<(), RunFailure> {
+        if !self.outputs_set {
             // Recorded once: from here on the tape does not follow from the scenario alone.
-            let participant = self.executor.held().map(|stepper| stepper.assignment().name.clone());
+            let participant = self
+                .executor
+                .before_step()
+                .map(|stepper| stepper.assignment().name.clone());
             let event = Event {
                 time: self.now(),
                 kind: EventKind::Note,
                 participant,
-                text: "its outputs are given by the program that drives the run".to_owned(),
+                text: "its outputs are set by the program that drives the run".to_owned(),
             };
             self.run_state.recorder().event(&event)?;
-            self.answered = true;
+            self.outputs_set = true;
         }
-        self.executor.answer(output, payload);
+        self.executor.set_output(output, payload);
         Ok(())
     }
 
     /// Refuses operations that need a pause between two instants.
     pub(crate) fn reject_if_held(&self, what: &str) -> Result<(), RunFailure> {
-        match self.executor.held() {
-            Some(stepper) if self.held => Err(RunFailure::Instant {
+        match self.executor.before_step() {
+            Some(stepper) if self.before_step => Err(RunFailure::Instant {
                 time: self.now().to_string(),
                 reason: format!(
-                    "is not over: `{}` is held before its activation there, and others have done theirs; {what}",
+                    "is not over: `{}` is paused before its step there, and others have done theirs; {what}",
                     stepper.assignment().name
                 ),
             }),
@@ -181,23 +185,23 @@ impl Run {
         })
     }
 
-    /// Splits `PARTICIPANT.PORT`; the participant must be the one that is held.
+    /// Splits `PARTICIPANT.PORT`; the participant must be the one that is paused.
     fn split_held_port<'a>(&self, port: &'a str) -> Result<(&'a str, &'a str), RunFailure> {
         let (name, port_name) = port.split_once('.').ok_or_else(|| RunFailure::Port {
             port: port.to_owned(),
             reason: "is not a port: write \"PARTICIPANT.PORT\"".into(),
         })?;
-        match self.executor.held() {
-            Some(held) if held.assignment().name == name => Ok((name, port_name)),
-            _ => Err(not_held(port, name)),
+        match self.executor.before_step() {
+            Some(stepper) if stepper.assignment().name == name => Ok((name, port_name)),
+            _ => Err(not_paused(port, name)),
         }
     }
 }
 
-fn not_held(port: &str, name: &str) -> RunFailure {
+fn not_paused(port: &str, name: &str) -> RunFailure {
     RunFailure::Port {
         port: port.to_owned(),
-        reason: format!("`{name}` is not held before an activation: `run_before(\"{name}\")` first"),
+        reason: format!("`{name}` is not paused before a step: `run_to_step(\"{name}\")` first"),
     }
 }
 

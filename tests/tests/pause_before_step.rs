@@ -1,4 +1,4 @@
-//! A participant that is held before its step: the inputs that it sees, and the outputs supplied instead of its step.
+//! A participant that is paused before its step: the inputs that it sees, and the outputs supplied instead of its step.
 
 use std::path::Path;
 use std::process::Command;
@@ -43,11 +43,11 @@ fn digest(run: Run) -> String {
 }
 
 /// The control law of the damper, computed by the test.
-fn answer_as_damper(run: &mut Run, count: &mut u64) {
-    let motion: Motion = run.shown("damper.motion").unwrap().get().unwrap();
+fn set_damper_output(run: &mut Run, count: &mut u64) {
+    let motion: Motion = run.read_input("damper.motion").unwrap().get().unwrap();
     *count += 1;
     let (force, count) = (Damper::force(&motion), *count);
-    run.answer("damper.push", &Push { force, count }).unwrap();
+    run.set_output("damper.push", &Push { force, count }).unwrap();
 }
 
 #[test]
@@ -55,55 +55,55 @@ fn external_law_gives_the_tape_of_the_participant() {
     let whole = undisturbed_digest();
     let mut run = Run::start(&scenario(false), &in_process_options(Record::Memory)).unwrap();
     let mut count = 0;
-    while run.run_before("damper").unwrap() {
+    while run.run_to_step("damper").unwrap() {
         assert_eq!(run.now_s(), count as f64 / 100.0);
-        answer_as_damper(&mut run, &mut count);
+        set_damper_output(&mut run, &mut count);
     }
     assert!(run.is_over() && count == 200);
     assert_eq!(digest(run), whole);
 }
 
 #[test]
-fn continuous_participant_is_held_and_answered() {
+fn outputs_of_a_continuous_participant_are_set() {
     let whole = undisturbed_digest();
     let mut run = Run::start(&scenario(false), &in_process_options(Record::Memory)).unwrap();
     let mut motion = Motion {
         position: 1.0,
         velocity: 0.0,
     };
-    while run.run_before("plant").unwrap() {
-        let push: Push = run.shown("plant.push").unwrap().get().unwrap();
+    while run.run_to_step("plant").unwrap() {
+        let push: Push = run.read_input("plant.push").unwrap().get().unwrap();
         motion.velocity += 0.001 * (push.force - 4.0 * motion.position);
         motion.position += 0.001 * motion.velocity;
-        run.answer("plant.motion", &motion).unwrap();
+        run.set_output("plant.motion", &motion).unwrap();
     }
     assert_eq!(digest(run), whole);
 }
 
 #[test]
-fn held_participant_without_an_answer_steps_normally() {
+fn paused_participant_without_set_outputs_steps_normally() {
     let whole = undisturbed_digest();
     let mut run = Run::start(&scenario(false), &in_process_options(Record::Memory)).unwrap();
-    // Held repeatedly, with pauses in between, and restored.
+    // Paused repeatedly, with pauses in between, and restored.
     for name in ["damper", "damper", "plant", "plant", "damper"] {
-        assert!(run.run_before(name).unwrap());
+        assert!(run.run_to_step(name).unwrap());
     }
     run.run_to("1/3 s").unwrap();
     let here = run.save().unwrap();
-    assert!(run.run_before("damper").unwrap());
+    assert!(run.run_to_step("damper").unwrap());
     assert_eq!(run.now().to_string(), "340 ms");
     run.step().unwrap();
     assert_eq!(run.now().to_string(), "341 ms");
-    assert!(run.run_before("plant").unwrap());
+    assert!(run.run_to_step("plant").unwrap());
     run.restore(&here).unwrap();
-    assert!(run.run_before("damper").unwrap());
+    assert!(run.run_to_step("damper").unwrap());
     run.run_to("2 s").unwrap();
     assert_eq!(digest(run), whole);
 }
 
 #[test]
-fn tape_marks_outputs_given_from_outside() {
-    let folder = Folder::new("held");
+fn tape_marks_outputs_set_from_outside() {
+    let folder = Folder::new("step-pause");
     let out = folder.path().join("out");
     let options = Options {
         out: Some(out.clone()),
@@ -112,8 +112,8 @@ fn tape_marks_outputs_given_from_outside() {
     let mut run = Run::start(&scenario(false), &options).unwrap();
     let mut count = 0;
     for _ in 0..3 {
-        assert!(run.run_before("damper").unwrap());
-        answer_as_damper(&mut run, &mut count);
+        assert!(run.run_to_step("damper").unwrap());
+        set_damper_output(&mut run, &mut count);
     }
     run.run_to("2 s").unwrap();
     run.end().unwrap();
@@ -124,11 +124,11 @@ fn tape_marks_outputs_given_from_outside() {
     let given: Vec<_> = events.filter(|event| event.kind == EventKind::Note).collect();
     assert_eq!(given.len(), 1, "{given:?}");
     assert_eq!(given[0].participant.as_deref(), Some("damper"));
-    assert!(given[0].text.contains("given by the program"), "{}", given[0].text);
+    assert!(given[0].text.contains("set by the program"), "{}", given[0].text);
 }
 
 #[test]
-fn invalid_call_on_a_held_run_is_refused() {
+fn invalid_call_before_a_step_is_rejected() {
     let mut run = Run::start(&scenario(false), &in_process_options(Record::Memory)).unwrap();
     let has = |failure: RunFailure, words: &[&str]| {
         let message = failure.to_string();
@@ -137,52 +137,55 @@ fn invalid_call_on_a_held_run_is_refused() {
             .for_each(|word| assert!(message.contains(word), "no `{word}` in {message}"));
     };
     has(
-        run.run_before("pilot").unwrap_err(),
+        run.run_to_step("pilot").unwrap_err(),
         &["`pilot`", "no such participant", "`plant`"],
     );
     has(
-        run.shown("damper.motion").unwrap_err(),
-        &["`damper` is not held", "run_before(\"damper\")"],
+        run.read_input("damper.motion").unwrap_err(),
+        &["`damper` is not paused", "run_to_step(\"damper\")"],
     );
-    has(run.answer_bytes("damper.push", &[]).unwrap_err(), &["is not held"]);
-    assert!(run.run_before("damper").unwrap());
+    has(
+        run.set_output_bytes("damper.push", &[]).unwrap_err(),
+        &["is not paused"],
+    );
+    assert!(run.run_to_step("damper").unwrap());
     has(
         run.save().unwrap_err(),
-        &["`damper` is held before its activation", "run_to"],
+        &["`damper` is paused before its step", "run_to"],
     );
-    has(run.run_to("0 s").unwrap_err(), &["is held"]);
+    has(run.run_to("0 s").unwrap_err(), &["is paused"]);
     has(
-        run.shown("damper.push").unwrap_err(),
+        run.read_input("damper.push").unwrap_err(),
         &["no such input; it has `motion`"],
     );
-    has(run.shown("plant.push").unwrap_err(), &["`plant` is not held"]);
+    has(run.read_input("plant.push").unwrap_err(), &["`plant` is not paused"]);
     has(
-        run.answer_bytes("damper.motion", &[]).unwrap_err(),
+        run.set_output_bytes("damper.motion", &[]).unwrap_err(),
         &["no such output; it has `push`"],
     );
     has(
-        run.answer_bytes("damper.push", &[0; 3]).unwrap_err(),
+        run.set_output_bytes("damper.push", &[0; 3]).unwrap_err(),
         &["has 16 bytes, not 3"],
     );
     has(
-        run.answer("damper.push", &Motion::default()).unwrap_err(),
+        run.set_output("damper.push", &Motion::default()).unwrap_err(),
         &["no `Motion`"],
     );
     let nan = Push {
         force: f64::NAN,
         count: 0,
     };
-    has(run.answer("damper.push", &nan).unwrap_err(), &["finite", "force"]);
+    has(run.set_output("damper.push", &nan).unwrap_err(), &["finite", "force"]);
     run.run_to("1 s").unwrap();
     run.save().unwrap();
-    let folder = Folder::new("held-processes");
+    let folder = Folder::new("step-pause-processes");
     let options = Options {
         out: Some(folder.path().join("out")),
         ..Options::default()
     };
     let mut run = Run::start(&scenario(true), &options).unwrap();
     has(
-        run.run_before("damper").unwrap_err(),
+        run.run_to_step("damper").unwrap_err(),
         &["`damper`", "process of its own", "in_process"],
     );
     run.run_to("0.1 s").unwrap();
@@ -190,9 +193,9 @@ fn invalid_call_on_a_held_run_is_refused() {
 
 #[test]
 fn program_in_c_takes_the_place_of_the_controller() {
-    let native_build = NativeBuild::new("held");
+    let native_build = NativeBuild::new("step-pause");
     let program = native_build.caller("tests/plugins/holder.c", "holder");
-    let folder = Folder::new("held-c");
+    let folder = Folder::new("step-pause-c");
     let scenario = folder.write(
         "springs.toml",
         "duration = \"1 s\"\n[participants.left]\nrun = { builtin = \"spring\" }\nperiod = \"1 ms\"\nparameters = { position = \"20 mm\", \
@@ -204,10 +207,10 @@ fn program_in_c_takes_the_place_of_the_controller() {
     let output = run_checked(Command::new(program).arg(scenario));
     let lines: Vec<&str> = output.lines().collect();
     assert_eq!(lines.len(), 3, "{output}");
-    assert!(lines[0].contains("is not held before an activation"), "{output}");
+    assert!(lines[0].contains("is not paused before a step"), "{output}");
     assert!(lines[1].len() >= 64, "{output}");
     assert_eq!(
         lines[1], lines[2],
-        "by its own steps, and by the answers of the program"
+        "by its own steps, and by the outputs that the program sets"
     );
 }

@@ -1,40 +1,40 @@
-//! The C functions for a participant that is held before its step.
+//! The C functions for a participant that is paused before its step.
 
 use std::ffi::{CString, c_char, c_void};
 
 use crate::run::{Run, Sample, error_text, text, with_active_run, with_run, write_sample};
 
-/// `escapement_run_before`.
+/// `escapement_run_to_step`.
 ///
 /// # Safety
 /// As the header says.
-pub unsafe fn before(pointer: *mut Run, participant: *const c_char, held: *mut u32) -> i32 {
+pub unsafe fn to_step(pointer: *mut Run, participant: *const c_char, reached: *mut u32) -> i32 {
     let work = |run: &mut engine::run::Run| {
         // SAFETY: as the caller says.
-        let (participant, held) = unsafe {
+        let (participant, reached) = unsafe {
             (
                 text(participant, "the name of the participant")?,
-                held.as_mut().ok_or("the place of the answer is NULL")?,
+                reached.as_mut().ok_or("`reached` is NULL")?,
             )
         };
-        *held = 0;
-        *held = u32::from(run.run_before(participant).map_err(error_text)?);
+        *reached = 0;
+        *reached = u32::from(run.run_to_step(participant).map_err(error_text)?);
         Ok(())
     };
     // SAFETY: as the caller says.
     unsafe { with_active_run(pointer, work) }
 }
 
-/// `escapement_run_shown`.
+/// `escapement_run_read_input`.
 ///
 /// # Safety
 /// As the header says.
-pub unsafe fn shown(pointer: *mut Run, port: *const c_char, place: *mut Sample) -> i32 {
+pub unsafe fn read_input(pointer: *mut Run, port: *const c_char, place: *mut Sample) -> i32 {
     let work = |own: &mut Run| {
         // SAFETY: as the caller says.
         let port = unsafe { text(port, "the name of the input") }?;
         // SAFETY: as the caller says.
-        unsafe { write_sample(own, place, |run| run.shown(port)) }
+        unsafe { write_sample(own, place, |run| run.read_input(port)) }
     };
     // SAFETY: as the caller says.
     unsafe { with_run(pointer, work) }
@@ -60,11 +60,11 @@ pub unsafe fn log(pointer: *mut Run, participant: *const c_char) -> *const c_cha
     }
 }
 
-/// `escapement_run_answer`.
+/// `escapement_run_set_output`.
 ///
 /// # Safety
 /// As the header says.
-pub unsafe fn answer(pointer: *mut Run, port: *const c_char, bytes: *const c_void, size: u64) -> i32 {
+pub unsafe fn set_output(pointer: *mut Run, port: *const c_char, bytes: *const c_void, size: u64) -> i32 {
     let work = |run: &mut engine::run::Run| {
         // SAFETY: as the caller says.
         let port = unsafe { text(port, "the name of the output") }?;
@@ -74,7 +74,7 @@ pub unsafe fn answer(pointer: *mut Run, port: *const c_char, bytes: *const c_voi
         let size = usize::try_from(size).map_err(error_text)?;
         // SAFETY: the message is as large as the caller says.
         let bytes = unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size) };
-        run.answer_bytes(port, bytes).map_err(error_text)
+        run.set_output_bytes(port, bytes).map_err(error_text)
     };
     // SAFETY: as the caller says.
     unsafe { with_active_run(pointer, work) }
