@@ -2,7 +2,7 @@
 
 use control_laws::Measured as MeasuredState;
 use guidance_laws::SetPoint as SetPointState;
-use interfaces::{Command, ControlTelemetry, Couples, Housekeeping, Measured, SetPoint};
+use interfaces::{Command, ControlTelemetry, Housekeeping, Measured, SetPoint, ThrusterTorque};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
 
 use crate::law::{Input, Law};
@@ -45,7 +45,7 @@ impl Participant for Controller {
             .optional_input::<SetPoint>("base_setpoint")
             .optional_input::<Housekeeping>("housekeeping")
             .output::<Command>("command")
-            .output::<Couples>("couples")
+            .output::<ThrusterTorque>("couples")
             .output::<ControlTelemetry>("telemetry")
     }
 
@@ -65,7 +65,7 @@ impl Participant for Controller {
         });
         let Some(output) = output else {
             *outputs.get_mut::<Command>(COMMAND) = Command::default();
-            *outputs.get_mut::<Couples>(COUPLES) = Couples::default();
+            *outputs.get_mut::<ThrusterTorque>(COUPLES) = ThrusterTorque::default();
             *outputs.get_mut::<ControlTelemetry>(TELEMETRY) = ControlTelemetry::default();
             return Ok(());
         };
@@ -74,7 +74,7 @@ impl Participant for Controller {
             force_B: output.allocation.thruster_force.into(),
             tau: std::array::from_fn(|joint| output.force[6 + joint]),
         };
-        *outputs.get_mut::<Couples>(COUPLES) = Couples {
+        *outputs.get_mut::<ThrusterTorque>(COUPLES) = ThrusterTorque {
             torque_B: output.allocation.thruster_torque.into(),
         };
         *outputs.get_mut::<ControlTelemetry>(TELEMETRY) = output.telemetry;

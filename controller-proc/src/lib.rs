@@ -7,7 +7,7 @@
 //! | in `base_setpoint` | [`SetPoint`](interfaces::SetPoint) | of the base, for the comparison law |
 //! | in `housekeeping` | [`Housekeeping`](interfaces::Housekeeping) | wheels for the allocation, gripper for stabilisation |
 //! | out `command` | [`Command`](interfaces::Command) | |
-//! | out `couples` | [`Couples`](interfaces::Couples) | torque by thrusters; zero without an allocation |
+//! | out `couples` | [`ThrusterTorque`](interfaces::ThrusterTorque) | torque by thrusters; zero without an allocation |
 //! | out `telemetry` | [`ControlTelemetry`](interfaces::ControlTelemetry) | |
 //!
 //! The controller commands nothing before the first measurement and holds the end effector at its pose before the first set-point.

@@ -184,7 +184,7 @@ fn telemetry(output: &LawOutput, estimated: &TargetEstimate, navigation: Option<
             Phase::Waiting => GuidancePhase::Waiting,
             Phase::Pointing => GuidancePhase::Pointing,
             Phase::Closing => GuidancePhase::Closing,
-            Phase::Riding => GuidancePhase::Riding,
+            Phase::Tracking => GuidancePhase::Tracking,
         },
         ..GuidanceTelemetry::default()
     };

@@ -117,7 +117,7 @@ pub struct Navigation {
     /// Gate: a camera pose is rejected when its normalised innovation squared exceeds this.
     pub gate: f64,
     /// Largest number of consecutive rejections; one more re-initialises the filter.
-    pub refusals_max: u32,
+    pub rejections_max: u32,
     /// Longest step of the prediction.
     pub longest_step: Quantity<Time>,
 }
@@ -136,7 +136,7 @@ impl Default for Navigation {
             initial_velocity: Quantity::of(0.01),
             initial_rate: Quantity::of(0.05),
             gate: 22.5,
-            refusals_max: 10,
+            rejections_max: 10,
             longest_step: Quantity::of(0.01),
         }
     }
@@ -217,7 +217,7 @@ impl Parameters {
             acceleration_density: pair(navigation.acceleration.si(), navigation.angular_acceleration.si()),
             initial_rate_sigma: pair(navigation.initial_velocity.si(), navigation.initial_rate.si()),
             gate: navigation.gate,
-            refusals_max: navigation.refusals_max,
+            rejections_max: navigation.rejections_max,
         })
     }
 }

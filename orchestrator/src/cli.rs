@@ -81,7 +81,7 @@ pub enum Command {
     Check(CheckArgs),
     /// Draw participants, rates, delays and the order of execution
     Graph(GraphArgs),
-    /// Run a scenario over a grid of values: one table, a picture of where the criteria are met, and a report
+    /// Run a scenario over a grid of values: one table, a chart of where the criteria are met, and a report
     ///
     /// Instead of a scenario the command takes a campaign file, which names a scenario and declares how its keys are dispersed (docs/campaigns.md).
     ///

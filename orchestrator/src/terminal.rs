@@ -5,7 +5,7 @@ use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
-use engine::{Answer, Event, Observer, Progress};
+use engine::{Event, Observer, PauseDecision, Progress};
 
 use crate::line::{Line, percent, remaining_time};
 
@@ -153,15 +153,15 @@ impl Observer for Terminal {
         }
     }
 
-    fn answer(&mut self) -> Option<Answer> {
+    fn pause_decision(&mut self) -> Option<PauseDecision> {
         if !self.awaits_input {
             return None;
         }
         match stdin_lines().lock().unwrap_or_else(PoisonError::into_inner).try_recv() {
-            Ok(line) if line.trim() == "q" => Some(Answer::End),
-            Ok(_) => Some(Answer::Continue),
+            Ok(line) if line.trim() == "q" => Some(PauseDecision::End),
+            Ok(_) => Some(PauseDecision::Continue),
             // After the end of the input no further line can come.
-            Err(TryRecvError::Disconnected) => Some(Answer::Never),
+            Err(TryRecvError::Disconnected) => Some(PauseDecision::Unavailable),
             Err(TryRecvError::Empty) => None,
         }
     }

@@ -7,7 +7,7 @@
 //! | port | message | |
 //! |---|---|---|
 //! | in `command` | [`Command`](interfaces::Command) | required |
-//! | in `couples` | [`Couples`](interfaces::Couples) | torque by thrusters, if the controller allocates any |
+//! | in `couples` | [`ThrusterTorque`](interfaces::ThrusterTorque) | torque by thrusters, if the controller allocates any |
 //! | out `measured` | [`Measured`](interfaces::Measured) | readings of the servicer's sensors |
 //! | out `target` | [`TargetState`](interfaces::TargetState) | an ideal observer's view of the target |
 //! | out `camera` | [`CameraPose`](interfaces::CameraPose) | the target's pose as measured by a camera |

@@ -1,6 +1,6 @@
 //! The plant participant.
 
-use interfaces::{CameraPose, Command, Couples, Housekeeping, Measured, TargetState, Truth};
+use interfaces::{CameraPose, Command, Housekeeping, Measured, TargetState, ThrusterTorque, Truth};
 use lockstep::participant::{
     Failure, Inputs, Interface, Kind, Member, Outputs, ParameterError, Participant, Setup, Step, state,
 };
@@ -195,7 +195,7 @@ impl Plant {
         let forces = self.actuators.apply(
             step.t,
             inputs.get::<Command>(COMMAND),
-            inputs.get::<Couples>(COUPLES),
+            inputs.get::<ThrusterTorque>(COUPLES),
             &self.motion.wheel_momentum,
             &self.motion.servicer.omega(),
         );
@@ -272,7 +272,7 @@ impl Participant for Plant {
     fn interface(&self) -> Interface {
         Interface::new(Kind::Continuous)
             .input::<Command>("command")
-            .optional_input::<Couples>("couples")
+            .optional_input::<ThrusterTorque>("couples")
             .output::<Measured>("measured")
             .output::<TargetState>("target")
             .output::<CameraPose>("camera")

@@ -301,7 +301,7 @@ impl Participant for PyParticipant {
                 t: log.time(),
             };
             *self.log.borrow_mut(py) = lines;
-            if let Err(error) = self.terminate.call1(py, (why.word(),)) {
+            if let Err(error) = self.terminate.call1(py, (why.name(),)) {
                 log.write(format_args!("its `terminate` failed: {}", one_line(py, &error)));
                 record_exception(py, error, &self.raised);
             }

@@ -30,12 +30,12 @@ impl Interrupt {
     }
 
     /// Requests the end.
-    fn ask(&self) {
+    fn request(&self) {
         self.0.request();
     }
 
     /// Whether the end was requested.
-    fn asked(&self) -> bool {
+    fn is_requested(&self) -> bool {
         self.0.is_requested()
     }
 }
@@ -140,7 +140,7 @@ fn outcome_dict<'py>(py: Python<'py>, outcome: &Outcome, raised: &Raised) -> PyR
     };
     all.set_item("status", status)?;
     all.set_item("logs", &outcome.logs)?;
-    all.set_item("words", outcome.ending.words())?;
+    all.set_item("reason", outcome.ending.reason())?;
     if let Ending::Failed { participant, .. } = &outcome.ending {
         all.set_item("participant", participant)?;
     }
@@ -150,16 +150,16 @@ fn outcome_dict<'py>(py: Python<'py>, outcome: &Outcome, raised: &Raised) -> PyR
 
 /// Runs `scenario` to its end. Returns the outcome; its summary is written if the run has a folder.
 #[pyfunction]
-#[pyo3(signature = (scenario, how, told_to, interrupt))]
+#[pyo3(signature = (scenario, arguments, progress, interrupt))]
 pub(crate) fn run<'py>(
     py: Python<'py>,
     scenario: &Bound<'py, Scenario>,
-    how: RunArguments,
-    told_to: Option<Py<PyAny>>,
+    arguments: RunArguments,
+    progress: Option<Py<PyAny>>,
     interrupt: &Bound<'py, Interrupt>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let own = scenario.get();
-    let options = how.options(py, told_to, interrupt.get())?;
+    let options = arguments.options(py, progress, interrupt.get())?;
     let outcome = py.detach(|| {
         let outcome = engine_run::run(&own.scenario, &options)?;
         if let Some(folder) = &outcome.folder {
@@ -227,12 +227,12 @@ impl Run {
     fn start(
         py: Python<'_>,
         scenario: &Bound<'_, Scenario>,
-        how: RunArguments,
-        told_to: Option<Py<PyAny>>,
+        arguments: RunArguments,
+        progress: Option<Py<PyAny>>,
         interrupt: &Bound<'_, Interrupt>,
     ) -> PyResult<Run> {
         let own = scenario.get();
-        let options = how.options(py, told_to, interrupt.get())?;
+        let options = arguments.options(py, progress, interrupt.get())?;
         struct Made(Result<engine_run::Run, RunFailure>);
         // SAFETY: as of `SendRun`.
         unsafe impl Send for Made {}
@@ -300,7 +300,7 @@ impl Run {
     }
 
     /// The descriptor of a port's payload; None if there is no such port.
-    fn described<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+    fn descriptor<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let (participant, name) = port.split_once('.').unwrap_or((port, ""));
         let interface = self.active()?.interface(participant);
         let interface = interface.map_err(|failure| errors::run(py, &failure))?;

@@ -55,7 +55,7 @@ impl Participant for Diary {
     }
 
     fn terminate(&mut self, why: Termination, log: &Log) {
-        log.write(format_args!("ends, {}, at page {}", why.word(), self.number));
+        log.write(format_args!("ends, {}, at page {}", why.name(), self.number));
     }
 
     fn save(&self) -> Option<Vec<u8>> {

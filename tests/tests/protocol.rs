@@ -362,7 +362,7 @@ fn plan() -> Plan {
                 },
                 drop: 0.5,
                 extra_delay: Rational::from_millis(3),
-                words: String::new(),
+                description: String::new(),
             }],
         },
         LinkSpec {
@@ -392,7 +392,7 @@ fn plan() -> Plan {
         },
         slots,
         effect: Effect::Stuck(Some(vec![0.5])),
-        words: String::new(),
+        description: String::new(),
     }])
     .expect("a sound fault");
     plan

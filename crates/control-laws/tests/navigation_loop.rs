@@ -33,7 +33,7 @@ fn navigation() -> NavigationFilter {
             attitude: 0.05,
         },
         gate: f64::INFINITY,
-        refusals_max: 10,
+        rejections_max: 10,
     })
     .unwrap()
 }

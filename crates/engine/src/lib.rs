@@ -31,5 +31,5 @@ pub use builtins::{AssessmentFactory, Builtins, HasBuiltins};
 pub use catalogue::{Catalogue, Finding};
 pub use report::{scene, view};
 
-pub use observer::{Answer, Event, Interrupt, Observer, Progress, Silent};
+pub use observer::{Event, Interrupt, Observer, PauseDecision, Progress, Silent};
 pub use text::{check_title, three_digits};

@@ -1,4 +1,4 @@
-//! Observers: what a run or a campaign reports while it runs, and what it asks.
+//! Observers: what a run or a campaign reports while it runs, and what is decided in a pause.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -41,7 +41,7 @@ pub enum Event<'a> {
         /// The line, with its name and the simulated time.
         line: &'a str,
     },
-    /// The run is paused at `t_s` until [`Observer::answer`] or the live page lets it continue.
+    /// The run is paused at `t_s` until [`Observer::pause_decision`] or the live page lets it continue.
     Paused {
         /// Simulated time, s.
         t_s: f64,
@@ -54,13 +54,13 @@ pub enum Event<'a> {
 
 /// What happens to a paused run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Answer {
+pub enum PauseDecision {
     /// It continues.
     Continue,
     /// It ends here.
     End,
-    /// There will be no answer: only the live page can let the run continue, and without one it ends.
-    Never,
+    /// The observer will not decide: only the live page can let the run continue, and without one it ends.
+    Unavailable,
 }
 
 /// Receives the events of a run or a campaign. It is called on the thread that runs it, so an implementation must return at once.
@@ -69,12 +69,12 @@ pub trait Observer: Send {
     fn event(&mut self, event: Event<'_>);
 
     /// What happens to the paused run; called repeatedly during the pause. `None` as long as nothing is decided.
-    fn answer(&mut self) -> Option<Answer> {
+    fn pause_decision(&mut self) -> Option<PauseDecision> {
         None
     }
 }
 
-/// An observer that reports nothing and never answers a paused run.
+/// An observer that reports nothing and leaves the decision on a paused run to the live page.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
@@ -110,8 +110,8 @@ impl Progress {
     }
 
     /// What happens to the paused run, if that is decided.
-    pub(crate) fn answer(&self) -> Option<Answer> {
-        self.observer()?.answer()
+    pub(crate) fn pause_decision(&self) -> Option<PauseDecision> {
+        self.observer()?.pause_decision()
     }
 }
 

@@ -110,7 +110,7 @@ pub struct Harness {
 struct RecordedLines(Mutex<Vec<String>>);
 
 impl Sink for RecordedLines {
-    fn say(&self, line: &Line<'_>) {
+    fn write_line(&self, line: &Line<'_>) {
         self.0
             .lock()
             .unwrap_or_else(PoisonError::into_inner)

@@ -21,7 +21,7 @@ impl Lines {
 }
 
 impl Sink for Lines {
-    fn say(&self, line: &Line<'_>) {
+    fn write_line(&self, line: &Line<'_>) {
         self.add(line.to_string());
     }
 }

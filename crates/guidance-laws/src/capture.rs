@@ -76,7 +76,7 @@ impl Schedule {
         } else if time_s < self.grasp_s {
             Phase::Closing
         } else {
-            Phase::Riding
+            Phase::Tracking
         }
     }
 }
@@ -92,7 +92,7 @@ pub enum Phase {
     /// The attitude is that of the grasp frame, the position still closes in.
     Closing = 2,
     /// The set-point is the grasp frame.
-    Riding = 3,
+    Tracking = 3,
 }
 
 /// User parameters.

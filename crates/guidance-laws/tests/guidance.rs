@@ -96,7 +96,7 @@ fn set_point_holds_the_start_and_ends_on_the_grasp_frame() {
         (0.99, Phase::Waiting),
         (1.0, Phase::Pointing),
         (20.0, Phase::Closing),
-        (30.0, Phase::Riding),
+        (30.0, Phase::Tracking),
     ] {
         assert_eq!(law.step(&input(time_s, baseline_rate())).phase, phase, "{time_s}");
     }

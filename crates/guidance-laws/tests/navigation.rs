@@ -32,7 +32,7 @@ fn parameters() -> Parameters {
             attitude: 0.03,
         },
         gate: f64::INFINITY,
-        refusals_max: 5,
+        rejections_max: 5,
     }
 }
 

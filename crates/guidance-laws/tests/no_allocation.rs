@@ -52,7 +52,7 @@ fn a_step_allocates_nothing() {
         acceleration_density: pair(1e-6, 1e-6),
         initial_rate_sigma: pair(0.01, 0.05),
         gate: 22.5,
-        refusals_max: 10,
+        rejections_max: 10,
     })
     .unwrap();
     let count = allocations(|| {

@@ -18,7 +18,7 @@ pub enum Detail {
 
 impl Detail {
     /// The word in [`SPANS`].
-    pub fn word(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Detail::Steps => "steps",
             Detail::Waits => "waits",
@@ -29,7 +29,7 @@ impl Detail {
     pub fn parse(word: &str) -> Option<Detail> {
         [Detail::Steps, Detail::Waits]
             .into_iter()
-            .find(|detail| detail.word() == word)
+            .find(|detail| detail.name() == word)
     }
 }
 

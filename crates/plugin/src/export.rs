@@ -104,7 +104,7 @@ unsafe impl Send for HostLog {}
 unsafe impl Sync for HostLog {}
 
 impl Sink for HostLog {
-    fn say(&self, line: &Line<'_>) {
+    fn write_line(&self, line: &Line<'_>) {
         // SAFETY: the host exists, and copies the text.
         unsafe { ((*self.0).log)(self.0, text(&line.text.to_string()).as_ptr()) }
     }

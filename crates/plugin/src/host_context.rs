@@ -361,7 +361,7 @@ unsafe extern "C" fn whole(host: *const Host) -> *const c_char {
 unsafe extern "C" fn refuse(host: *const Host, name: *const c_char, reason: *const c_char) -> Status {
     let work = |data: &HostData| {
         // SAFETY: texts satisfy the ABI.
-        let (key, reason) = unsafe { (foreign_text(name).unwrap_or_default(), table::words(reason)) };
+        let (key, reason) = unsafe { (foreign_text(name).unwrap_or_default(), table::lossy_text(reason)) };
         data.refuse(ParameterError::new(
             key,
             reason.unwrap_or("refused without a reason".into()),
@@ -375,7 +375,7 @@ unsafe extern "C" fn fail(host: *const Host, reason: *const c_char) -> Status {
     // SAFETY: texts satisfy the ABI; foreign code passes the host that it was given.
     unsafe {
         with_data(host, |data| {
-            data.fail(&table::words(reason).unwrap_or("without a reason".into()))
+            data.fail(&table::lossy_text(reason).unwrap_or("without a reason".into()))
         })
     }
 }
@@ -383,7 +383,7 @@ unsafe extern "C" fn fail(host: *const Host, reason: *const c_char) -> Status {
 unsafe extern "C" fn log(host: *const Host, text: *const c_char) {
     let work = |data: &HostData| {
         // SAFETY: texts satisfy the ABI.
-        let text = unsafe { table::words(text) }.unwrap_or("(NULL in the place of a text)".into());
+        let text = unsafe { table::lossy_text(text) }.unwrap_or("(NULL in the place of a text)".into());
         data.log_line(&text);
         OK
     };

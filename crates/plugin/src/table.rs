@@ -346,7 +346,7 @@ impl Table {
 ///
 /// # Safety
 /// As for [`text`].
-pub(crate) unsafe fn words<'a>(at: *const c_char) -> Option<Cow<'a, str>> {
+pub(crate) unsafe fn lossy_text<'a>(at: *const c_char) -> Option<Cow<'a, str>> {
     // SAFETY: guaranteed by the caller, unless it is null.
     (!at.is_null()).then(|| unsafe { CStr::from_ptr(at) }.to_string_lossy())
 }

@@ -48,7 +48,7 @@ impl Participant for Sum {
     }
 
     fn terminate(&mut self, why: Termination, log: &Log) {
-        log.write(format_args!("{} with {}", why.word(), self.sum));
+        log.write(format_args!("{} with {}", why.name(), self.sum));
         assert!(self.panics_at != 1000, "no end");
     }
 
@@ -190,7 +190,7 @@ fn table_returns_refusals_failures_and_panics_verbatim() {
 struct RecordedLines(Mutex<Vec<String>>);
 
 impl Sink for RecordedLines {
-    fn say(&self, line: &Line<'_>) {
+    fn write_line(&self, line: &Line<'_>) {
         self.0.lock().unwrap().push(line.to_string());
     }
 }

@@ -134,7 +134,7 @@ fn describe(out: &mut impl Write, scenario: &Scenario, known: &CheckedScenario) 
         say!(out, "faults:");
     }
     for fault in faults {
-        say!(out, "  {:<24} {}, {}", fault.name, fault.words, fault.when());
+        say!(out, "  {:<24} {}, {}", fault.name, fault.description, fault.when());
     }
     for substitution in &scenario.substitutions {
         say!(

@@ -1,15 +1,15 @@
-//! Conclusion of a campaign: table, pictures and page in its folder, and the printed report.
+//! Conclusion of a campaign: table, charts and page in its folder, and the printed report.
 
 use std::path::PathBuf;
 
 use engine::assessment::Criterion;
 use engine::campaign::{
-    self, Campaign, CampaignError, Finished, Number, Outcome, Picture, PointResult, RareEventResult, Shard, Until,
+    self, Campaign, CampaignError, ChartContent, Finished, Number, Outcome, PointResult, RareEventResult, Shard, Until,
 };
 
 use super::points::CampaignArgs;
 
-/// Writes table, pictures and page of a campaign and reports; for a shard none are written, because its table would have
+/// Writes table, charts and page of a campaign and reports; for a shard none are written, because its table would have
 /// gaps.
 pub fn conclude(
     campaign: &Campaign,
@@ -36,14 +36,14 @@ pub fn conclude(
         .filter_map(|result| result.figures.as_ref());
     let judged = judged.flat_map(|figures| &figures.criteria).any(limited);
     let varied = campaign.columns.iter().filter(|column| column.name != "seed").count();
-    let picture = Picture {
+    let chart = ChartContent {
         title,
         columns: &campaign.columns,
         results: &finished.results,
         // over one key all criteria are shown, unless there are none or the user asks for one figure
         figure: if varied > 1 || !judged { shown.as_ref() } else { figure },
     };
-    let mut files = write(campaign, finished, Some(&picture))?;
+    let mut files = write(campaign, finished, Some(&chart))?;
     let page = campaign::analysis(title, campaign, &finished.results);
     let page = report::campaign::page(title, &page);
     files.push(finished.folder.write("report.html", page)?);
@@ -61,7 +61,7 @@ pub fn conclude(
         print(&identity.title, campaign, finished, shown.as_ref(), &files);
     }
     if let Some(precision) = precision.filter(|precision| !precision.reached && !finished.interrupted) {
-        eprintln!("warning: {}", precision.words());
+        eprintln!("warning: {}", precision.describe());
     }
     Ok(exit_code(finished))
 }
@@ -87,7 +87,7 @@ impl Precision {
         }
     }
 
-    fn words(&self) -> String {
+    fn describe(&self) -> String {
         let Precision { rule, points, .. } = self;
         match self.percent {
             Some(percent) => {
@@ -110,7 +110,7 @@ pub fn figures(finished: &Finished) -> Vec<Number> {
     first.map_or(Vec::new(), |figures| figures.ordered())
 }
 
-/// The same for a rare-event campaign. Pictures and statistics are of its first level, which is a plain random sample.
+/// The same for a rare-event campaign. Charts and statistics are of its first level, which is a plain random sample.
 pub fn conclude_rare(
     ended: &RareEventResult,
     figure: Option<&Number>,
@@ -121,13 +121,13 @@ pub fn conclude_rare(
     let title = identity.heading();
     let first = campaign.first(ended.sample);
     let sample = &finished.results[..ended.sample.min(finished.results.len())];
-    let picture = Picture {
+    let chart = ChartContent {
         title,
         columns: &first.columns,
         results: sample,
         figure,
     };
-    let mut files = write(campaign, finished, Some(&picture))?;
+    let mut files = write(campaign, finished, Some(&chart))?;
     let known = serde_json::to_string_pretty(&ended.json()).unwrap_or_default() + "\n";
     files.push(finished.folder.write("rare.json", known)?);
     let page = report::campaign::page(title, &ended.analysis(title));
@@ -140,7 +140,7 @@ pub fn conclude_rare(
         if !identity.title.is_empty() {
             println!("{}", identity.title);
         }
-        println!("{}", ended.words());
+        println!("{}", ended.to_text());
         print_failed_points(campaign, finished);
         print_time_and_files(finished, &files);
     }
@@ -164,24 +164,24 @@ pub fn default_figure(figures: &[Number]) -> Option<Number> {
     figures.first().cloned()
 }
 
-/// Writes table and picture; returns the files.
+/// Writes table and chart; returns the files.
 pub fn write(
     campaign: &Campaign,
     finished: &Finished,
-    picture: Option<&Picture<'_>>,
+    chart: Option<&ChartContent<'_>>,
 ) -> Result<Vec<PathBuf>, CampaignError> {
     let sheet = campaign::sheet(campaign, &finished.results);
     let root = finished.folder.root();
     let mut files = vec![root.join("table.csv"), root.join("table.parquet")];
     sheet.csv(&files[0])?;
     sheet.parquet(&files[1])?;
-    if let Some(drawing) = picture.and_then(campaign::draw) {
+    if let Some(drawing) = chart.and_then(campaign::draw_chart) {
         files.push(finished.folder.write("figure.svg", report::figures::svg(&drawing))?);
         if let Some(png) = report::figures::png(&drawing, 2.5) {
             files.push(finished.folder.write("figure.png", png)?);
         }
     } else {
-        // A picture of fewer points would look like that of all.
+        // A chart of fewer points would look like that of all.
         for name in ["figure.svg", "figure.png"] {
             let _ = std::fs::remove_file(root.join(name));
         }
@@ -202,7 +202,7 @@ pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serd
         serde_json::json!({
             "point": at + 1,
             "values": campaign.values(at),
-            "outcome": result.as_ref().map(|result| result.outcome.word()),
+            "outcome": result.as_ref().map(|result| result.outcome.name()),
             "reason": result.as_ref().and_then(|result| result.reason.clone()),
             "figures": figures,
             "tape_digest": result.as_ref().and_then(|result| result.tape.clone()),
@@ -246,7 +246,7 @@ fn print_failed_points(campaign: &Campaign, finished: &Finished) {
                 .map(|column| column.texts[*at].as_str())
                 .collect();
             let reason = result.reason.as_deref().unwrap_or_default();
-            println!("  {} at {}: {reason}", result.outcome.word(), values.join(", "));
+            println!("  {} at {}: {reason}", result.outcome.name(), values.join(", "));
         }
     }
     if wrong.len() > LISTED {
@@ -279,7 +279,7 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
             let [least, median, most, greatest] = [least, median, most, greatest].map(engine::three_digits);
             println!(
                 "  {}: {least} to {greatest}{}, median {median}, 95 % up to {most}",
-                figure.words(),
+                figure.display_name(),
                 engine::assessment::unit_suffix(&figure.unit)
             );
         }
@@ -288,7 +288,7 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
         && column.name != "seed"
         && let Some(stretches) = campaign::met_ranges(column, &finished.results)
     {
-        let good = campaign::good_word(&finished.results);
+        let good = campaign::success_name(&finished.results);
         println!("  {good} at {}: {stretches}", column.name);
     }
     if let Some(map) = campaign::map(&campaign.columns, &finished.results) {
@@ -308,7 +308,7 @@ fn met_share_text(results: &[Option<PointResult>]) -> String {
     let (low, high) = campaign::wilson(good, ran);
     format!(
         "{} {good} of {ran}: a share of {:.1} % to {:.1} % with 95 % confidence",
-        campaign::good_word(results),
+        campaign::success_name(results),
         100.0 * low,
         100.0 * high
     )

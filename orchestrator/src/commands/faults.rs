@@ -9,7 +9,7 @@ use lockstep::time::Rational;
 use super::conclusion::{exit_code, json, print_time_and_files, write};
 use super::points::{CampaignArgs, DigestArgs, known_figures, print_warnings_of_points};
 use crate::arguments::{ScenarioArgs, parse_instant};
-use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
+use engine::campaign::{self, Campaign, CampaignError, CampaignKind, Finished};
 use engine::run::RunFailure;
 use engine::scenario::Scenario;
 
@@ -68,7 +68,7 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         None => catalogue().every_failure(&scenario, file, &args.at, args.informed)?,
     };
     let campaign = Campaign {
-        kind: Kind::Faults,
+        kind: CampaignKind::Faults,
         scenario: file.clone(),
         overrides,
         columns: cases.columns,
@@ -131,7 +131,7 @@ fn table(campaign: &Campaign, finished: &Finished, markdown: bool) -> String {
     }];
     for (at, result) in finished.results.iter().enumerate() {
         let mut line: Vec<String> = campaign.columns.iter().map(|column| column.texts[at].clone()).collect();
-        line.push(campaign::word(result.as_ref()).to_owned());
+        line.push(campaign::outcome_name(result.as_ref()).to_owned());
         let own = result.as_ref().and_then(|result| result.figures.as_ref());
         for (number, _) in criteria.iter().enumerate() {
             let value = own.and_then(|figures| figures.criteria.get(number)?.value);

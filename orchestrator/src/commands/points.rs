@@ -29,7 +29,7 @@ impl DigestArgs {
 /// What all campaigns take.
 #[derive(Debug, Args)]
 pub struct CampaignArgs {
-    /// The folder for table, picture and journal; by default one that is named after the scenario and the points
+    /// The folder for table, chart and journal; by default one that is named after the scenario and the points
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
     /// The number of worker processes; by default one per core

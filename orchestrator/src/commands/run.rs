@@ -245,7 +245,7 @@ fn start_live_server(execution: &ExecutionArgs) -> Result<Option<(Server, Arc<St
 
 /// Sends the complete data to open pages, after the run has completed its folder; with `--live-stay`, serves them until Ctrl-C.
 fn finish_live_page(execution: &ExecutionArgs, server: &Server, outcome: &Outcome) -> anyhow::Result<()> {
-    server.finish(outcome.ending.words().unwrap_or_else(|| "complete".to_owned()));
+    server.finish(outcome.ending.reason().unwrap_or_else(|| "complete".to_owned()));
     if !execution.live_stay || matches!(outcome.ending, Ending::Stopped { .. }) {
         return Ok(());
     }
@@ -353,7 +353,7 @@ pub fn print_ending(ending: &Ending) {
     } else {
         ""
     };
-    if let Some(words) = ending.words() {
+    if let Some(words) = ending.reason() {
         eprintln!("{error}{words}");
     }
 }

@@ -92,7 +92,7 @@ pub struct MergeArgs {
     /// The folders of all shards
     #[arg(required = true)]
     pub shards: Vec<PathBuf>,
-    /// The figure of merit that the picture and the quantiles show, such as position_error_at_grasp
+    /// The figure of merit that the chart and the quantiles show, such as position_error_at_grasp
     #[arg(long, value_name = "NAME")]
     pub figure: Option<String>,
     /// How points are run whose folders are kept, and what is printed
@@ -216,7 +216,7 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
             let state = if waits(Some(*shard)) { "waiting" } else { "not started" };
             list.push(serde_json::json!({ "shard": format!("{shard}/{of}"), "done": 0, "state": state }));
         }
-        let engine = engine.as_ref().map(|engine| engine.engine.word());
+        let engine = engine.as_ref().map(|engine| engine.engine.name());
         println!(
             "{}",
             serde_json::json!({ "complete": all, "engine": engine, "parts": list, "in_no_folder": nowhere })
@@ -226,7 +226,7 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
     if let Some(first) = parts.first() {
         let on = engine
             .as_ref()
-            .map(|engine| format!(", {} shards on {}", engine.of, engine.engine.word()));
+            .map(|engine| format!(", {} shards on {}", engine.of, engine.engine.name()));
         let on = on.unwrap_or_default();
         println!("{}: {} points{on}", first.identity.scenario, first.points);
     }

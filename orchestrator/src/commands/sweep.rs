@@ -7,7 +7,9 @@ use super::conclusion::{conclude, conclude_rare};
 use super::points::{CampaignArgs, DigestArgs, ShardArgs, TRIES_MAX, known_figures, print_warnings_of_points, watch};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
-use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
+use engine::campaign::{
+    self, Axis, Campaign, CampaignError, CampaignFile, CampaignKind, GridError, Options, Plan, Until,
+};
 use engine::scenario::{Changes, Scenario};
 
 /// Arguments of `sweep`.
@@ -25,7 +27,7 @@ pub struct SweepArgs {
     /// The number of points to draw, instead of that of the campaign file; a larger number extends an existing campaign
     #[arg(long, value_name = "COUNT", conflicts_with_all = ["vary", "seeds"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub points: Option<u32>,
-    /// The figure of merit that the picture and the quantiles show, such as position_error_at_grasp
+    /// The figure of merit that the chart and the quantiles show, such as position_error_at_grasp
     #[arg(long, value_name = "NAME")]
     pub figure: Option<String>,
     /// End as soon as the 95 % confidence interval is narrow enough: 'met within 1 %' for the proportion of points that meet the criteria,
@@ -71,7 +73,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     }
     let campaign = match &file {
         Some(file) => file.campaign(overrides, &plan),
-        None => Campaign::of_plan(Kind::Sweep, path.to_owned(), overrides, &plan),
+        None => Campaign::of_plan(CampaignKind::Sweep, path.to_owned(), overrides, &plan),
     };
     let campaign = Campaign {
         digests: args.sharding.audit.is_some() || args.digest.includes_digests(&args.campaign),
@@ -129,7 +131,7 @@ fn check_early_stop(args: &SweepArgs, plan: &Plan) -> Result<(), CampaignError> 
         Plan::Declared(declared) => declared.needs_all().map(|design| {
             format!(
                 "{path} has the design {}, which needs all of its points: leave --until out, or let the design random or sobol make the points",
-                design.word()
+                design.name()
             )
         }),
         // The first points of a grid have the first values alone; seeds are all alike.

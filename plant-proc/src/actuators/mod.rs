@@ -9,7 +9,7 @@ mod parameters;
 mod thrusters;
 mod wheels;
 
-use interfaces::{Command, Couples, JOINTS};
+use interfaces::{Command, JOINTS, ThrusterTorque};
 use lockstep::participant::ParameterError;
 use lockstep::units::Torque;
 use nalgebra::Vector3;
@@ -99,7 +99,7 @@ impl Actuators {
         &mut self,
         t: f64,
         command: &Command,
-        couples: &Couples,
+        couples: &ThrusterTorque,
         momentum: &Vector3<f64>,
         omega: &Vector3<f64>,
     ) -> Forces {

@@ -13,7 +13,7 @@ _Path = str | PathLike[str]
 _Time = str | float
 # The keys of an entry of [[faults]], or a text in the syntax of `--fault`.
 _Fault = str | Mapping[str, Any]
-_Told = Callable[[str, Any], object]
+_ProgressFunction = Callable[[str, Any], object]
 _M = TypeVar("_M", bound=Message)
 
 __version__: str
@@ -222,7 +222,7 @@ class Run:
         record: Literal["folder", "memory", "digest", "nothing"] | None = None,
         pace: float | None = None,
         patience: _Time | None = None,
-        progress: bool | _Told | None = False,
+        progress: bool | _ProgressFunction | None = False,
     ) -> None: ...
     @property
     def now(self) -> float: ...
@@ -257,7 +257,7 @@ def run(
     checkpoint_every: _Time | None = None,
     checkpoint_at: _Time | Iterable[_Time] = (),
     patience: _Time | None = None,
-    progress: bool | _Told | None = None,
+    progress: bool | _ProgressFunction | None = None,
 ) -> RunFolder: ...
 @overload
 def run(
@@ -274,7 +274,7 @@ def run(
     checkpoint_every: _Time | None = None,
     checkpoint_at: _Time | Iterable[_Time] = (),
     patience: _Time | None = None,
-    progress: bool | _Told | None = None,
+    progress: bool | _ProgressFunction | None = None,
 ) -> Outcome: ...
 def resume(
     run: RunFolder | _Path,
@@ -288,7 +288,7 @@ def resume(
     checkpoint_every: _Time | None = None,
     checkpoint_at: _Time | Iterable[_Time] = (),
     patience: _Time | None = None,
-    progress: bool | _Told | None = None,
+    progress: bool | _ProgressFunction | None = None,
 ) -> RunFolder: ...
 def sweep(
     scenario: _Path | Scenario,

@@ -128,7 +128,7 @@ class Env(gymnasium.Env):
         return float(self._reward(observation, self.action, t))
 
     def _failed(self, error):
-        if self._run._interrupt.asked():
+        if self._run._interrupt.is_requested():
             raise KeyboardInterrupt from None
         t = (self._offset + self._steps * self._period) / self._parts
         observation = self.observation.copy()

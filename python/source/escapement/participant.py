@@ -339,19 +339,19 @@ def _article(name):
 
 def _short(error):
     """An exception in one line, with the place in the user's own code and its notes."""
-    told = traceback.TracebackException(type(error), error, None)
+    formatted = traceback.TracebackException(type(error), error, None)
     # The last line is the message only where the notes do not follow it.
-    told.__notes__ = None
-    said = list(told.format_exception_only())[-1].strip()
+    formatted.__notes__ = None
+    last_line = list(formatted.format_exception_only())[-1].strip()
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if not frame.filename.startswith(_OWN)]
     if own:
-        said = f"{said} ({own[-1].filename}:{own[-1].lineno}, in {own[-1].name})"
+        last_line = f"{last_line} ({own[-1].filename}:{own[-1].lineno}, in {own[-1].name})"
     elif isinstance(error, EscapementError):
-        said = str(error)
+        last_line = str(error)
     notes = getattr(error, "__notes__", None)
     noted = [str(note) for note in notes] if isinstance(notes, (list, tuple)) else []
-    return _encodable("; ".join([said, *noted]))
+    return _encodable("; ".join([last_line, *noted]))
 
 
 def _encodable(text):

@@ -18,12 +18,12 @@ from .message import Message
 from .scenarios import Scenario, _listed
 from .tape import RunFolder
 
-_LINE_EVERY = 0.1
+_LINE_INTERVAL = 0.1
 # The time that a participant in a separate process has for an activation, s.
-_PATIENCE = 60.0
+_DEFAULT_PATIENCE = 60.0
 # Why a `Run` takes no call.
 _ENDED = "the run has ended: start another one"
-_GOES_ON = "a call of this run goes on, in which a participant or the progress function called the run: call it between its steps"
+_CALL_IN_PROGRESS = "a call of this run goes on, in which a participant or the progress function called the run: call it between its steps"
 
 
 class _Progress:
@@ -44,7 +44,7 @@ class _Progress:
             return
         elif what == "begun":
             self._duration, self._begun = value, time.monotonic()
-        elif what == "time" and time.monotonic() - self._last > _LINE_EVERY:
+        elif what == "time" and time.monotonic() - self._last > _LINE_INTERVAL:
             self._last = time.monotonic()
             factor = value / max(self._last - self._begun, 1e-3)
             part = 100.0 * value / self._duration if self._duration else 0.0
@@ -69,24 +69,24 @@ class _Interruptible:
 
     def __init__(self, interrupt):
         self._interrupt = interrupt
-        self._before = None
+        self._previous_handler = None
 
     def __enter__(self):
         if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            self._before = signal.signal(signal.SIGINT, self._heard)
+            self._previous_handler = signal.signal(signal.SIGINT, self._handle_sigint)
         return self
 
-    def _heard(self, number, frame):
-        if self._interrupt.asked():
+    def _handle_sigint(self, number, frame):
+        if self._interrupt.is_requested():
             raise KeyboardInterrupt
-        self._interrupt.ask()
+        self._interrupt.request()
 
     def __exit__(self, *_):
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
+        if self._previous_handler is not None:
+            signal.signal(signal.SIGINT, self._previous_handler)
 
 
-def _how(in_process, record, out, force, pace, checkpoint_every, checkpoint_at, patience, resume=None, resume_from=None):
+def _run_options(in_process, record, out, force, pace, checkpoint_every, checkpoint_at, patience, resume=None, resume_from=None):
     several = isinstance(checkpoint_at, Iterable) and not isinstance(checkpoint_at, str) and np.ndim(checkpoint_at) > 0
     times = list(checkpoint_at) if several else [checkpoint_at]
     if patience is not None and in_process:
@@ -104,7 +104,7 @@ def _how(in_process, record, out, force, pace, checkpoint_every, checkpoint_at, 
         pace=None if not pace else _pace(pace),
         checkpoint_every=None if checkpoint_every is None else _time("checkpoint_every", checkpoint_every),
         checkpoint_at=[_time("checkpoint_at", time) for time in times],
-        patience=_PATIENCE if patience is None else _patience(patience),
+        patience=_DEFAULT_PATIENCE if patience is None else _patience(patience),
         resume=resume,
         resume_from=None if resume_from is None else _time("at", resume_from),
     )
@@ -166,7 +166,7 @@ def _scenario(scenario, set, participants, faults=()):
     return Scenario(scenario, set=set, participants=participants, faults=faults)
 
 
-def _place(scenario, in_process):
+def _runs_in_process(scenario, in_process):
     """Whether the run is in this process."""
     if _participant._hosting:
         raise EscapementError(
@@ -191,23 +191,23 @@ def _refuse_without_file(scenario):
             )
 
 
-def _concluded(told, interrupt):
+def _checked_result(report, interrupt):
     """The result of a run; raises if the run did not reach its end."""
-    folder = RunFolder(told["folder"]) if told["folder"] else None
-    if told["status"] == "failed":
-        cause = told["cause"]
+    folder = RunFolder(report["folder"]) if report["folder"] else None
+    if report["status"] == "failed":
+        cause = report["cause"]
         if folder is not None and cause is not None:
-            _keep_in_log(folder, told["participant"], cause)
-        if interrupt.asked():
+            _append_to_log(folder, report["participant"], cause)
+        if interrupt.is_requested():
             # A second Ctrl-C is raised where the interpreter is: in a step, which then fails.
-            raise KeyboardInterrupt(told["words"]) from cause
-        raise RunError(told["words"], participant=told["participant"], run=folder) from cause
-    if told["status"] == "stopped" and told["words"].startswith("interrupted"):
-        raise KeyboardInterrupt(told["words"])
+            raise KeyboardInterrupt(report["reason"]) from cause
+        raise RunError(report["reason"], participant=report["participant"], run=folder) from cause
+    if report["status"] == "stopped" and report["reason"].startswith("interrupted"):
+        raise KeyboardInterrupt(report["reason"])
     return folder
 
 
-def _keep_in_log(folder, name, cause):
+def _append_to_log(folder, name, cause):
     log = os.path.join(folder.folder, "log")
     os.makedirs(log, exist_ok=True)
     with open(os.path.join(log, f"{name}.stderr"), "a", encoding="utf-8", errors="backslashreplace") as file:
@@ -255,11 +255,11 @@ def run(
     `RunError`; criteria that are not met do not raise: see `verdict`.
     """
     scenario = _scenario(scenario, set, participants, faults)
-    here = _place(scenario, in_process)
+    in_process = _runs_in_process(scenario, in_process)
     for text in scenario.warnings:
         warnings.warn(text, ScenarioWarning, stacklevel=2)
-    how = _how(here, record, out, force, pace, checkpoint_every, checkpoint_at, patience)
-    return _run(scenario, how, progress)
+    options = _run_options(in_process, record, out, force, pace, checkpoint_every, checkpoint_at, patience)
+    return _run(scenario, options, progress)
 
 
 def resume(run, *, at=None, set=None, participants=None, in_process=None, out=None, force=False, checkpoint_every=None,
@@ -269,26 +269,26 @@ def resume(run, *, at=None, set=None, participants=None, in_process=None, out=No
     if force and out is not None and _is_within(folder, _path("out", out)):
         raise OptionError(f"out={os.fspath(out)!r}: it has the run that is resumed, which force=True would take away; name another folder")
     scenario = Scenario(os.path.join(folder, "plan.toml"), set=set, participants=participants)
-    here = _place(scenario, in_process)
-    how = _how(here, "folder", out, force, None, checkpoint_every, checkpoint_at, patience, folder, at)
-    return _run(scenario, how, progress)
+    in_process = _runs_in_process(scenario, in_process)
+    options = _run_options(in_process, "folder", out, force, None, checkpoint_every, checkpoint_at, patience, folder, at)
+    return _run(scenario, options, progress)
 
 
-def _run(scenario, how, progress):
+def _run(scenario, options, progress):
     interrupt = _native.Interrupt()
     line = progress if callable(progress) else _Progress(progress)
-    told = _interruptible(interrupt, _native.run, scenario._native, how, line, interrupt)
-    folder = _concluded(told, interrupt)
-    return folder if folder is not None else Outcome(told["summary"], told["logs"])
+    report = _interruptible(interrupt, _native.run, scenario._native, options, line, interrupt)
+    folder = _checked_result(report, interrupt)
+    return folder if folder is not None else Outcome(report["summary"], report["logs"])
 
 
-def _interruptible(interrupt, go, *arguments):
-    """Calls `go`; an error because of Ctrl-C is a KeyboardInterrupt."""
+def _interruptible(interrupt, method, *arguments):
+    """Calls `method`; an error because of Ctrl-C is a KeyboardInterrupt."""
     with _Interruptible(interrupt):
         try:
-            return go(*arguments)
+            return method(*arguments)
         except RunError as error:
-            if interrupt.asked():
+            if interrupt.is_requested():
                 raise KeyboardInterrupt(str(error)) from error.__cause__
             raise
 
@@ -321,27 +321,27 @@ class Run:
     def __init__(self, scenario, *, set=None, participants=None, faults=(), in_process=None, out=None, force=False, record=None,
                  pace=None, patience=None, progress=False):
         self.scenario = _scenario(scenario, set, participants, faults)
-        here = _place(self.scenario, in_process)
+        in_process = _runs_in_process(self.scenario, in_process)
         if record is None:
-            record = "memory" if here and out is None else "folder"
-        how = _how(here, record, out, force, pace, None, (), patience)
+            record = "memory" if in_process and out is None else "folder"
+        options = _run_options(in_process, record, out, force, pace, None, (), patience)
         self._interrupt = _native.Interrupt()
         self._messages = {}
         line = progress if callable(progress) else _Progress(progress)
-        # The reason to refuse a call: another call of this run has not returned, or the run has ended.
-        self._closed = None
+        # The reason to refuse a call: another call of this run is in progress, or the run has ended.
+        self._refusal = None
         self._thread = threading.get_ident()
-        self._native = _native.Run(self.scenario._native, how, line, self._interrupt)
+        self._native = _native.Run(self.scenario._native, options, line, self._interrupt)
 
-    now = property(lambda self: self._open.now, doc="The present time, s: all participants have executed exactly their activations before it.")
-    is_over = property(lambda self: self._open.is_over, doc="Whether the run is over: no activation follows.")
+    now = property(lambda self: self._active.now, doc="The present time, s: all participants have executed exactly their activations before it.")
+    is_over = property(lambda self: self._active.is_over, doc="Whether the run is over: no activation follows.")
 
     @property
-    def _open(self):
+    def _active(self):
         """The run in the native module, if it can take a call."""
         self.check_thread()
-        if self._closed is not None:
-            raise RunError(self._closed)
+        if self._refusal is not None:
+            raise RunError(self._refusal)
         return self._native
 
     def check_thread(self):
@@ -351,22 +351,22 @@ class Run:
 
     def run_to(self, time):
         """Advances the run to `time`, a text such as "2.5 s" or a number of seconds, and pauses it there."""
-        self._on(self._open.run_to, _time("run_to", time))
+        self._call(self._active.run_to, _time("run_to", time))
 
     def step(self):
         """Advances the run to the next communication point."""
-        self._on(self._open.step)
+        self._call(self._active.step)
 
-    def _on(self, go, *to):
-        self._closed = _GOES_ON
+    def _call(self, method, *arguments):
+        self._refusal = _CALL_IN_PROGRESS
         try:
-            return _interruptible(self._interrupt, go, *to)
+            return _interruptible(self._interrupt, method, *arguments)
         finally:
-            self._closed = None
+            self._refusal = None
 
     def newest(self, port):
         """The newest sample of `PARTICIPANT.OUTPUT`."""
-        index, t, payload = self._open.newest(port)
+        index, t, payload = self._active.newest(port)
         message = self._message_of(port)()
         message._set_bytes(payload)
         return Sample(index, t, message)
@@ -374,18 +374,18 @@ class Run:
     def run_to_step(self, participant):
         """Advances the run until `participant` is about to step: the inputs of its next activation are available (`read_input`), and its outputs can
         be set instead of its step (`set_output`). False when it has no further activation: the run has then reached its end."""
-        return self._on(self._open.run_to_step, participant)
+        return self._call(self._active.run_to_step, participant)
 
     def read_input(self, port):
         """The sample that `PARTICIPANT.INPUT` has in the activation before whose step the participant is paused."""
-        index, t, payload = self._open.read_input(port)
+        index, t, payload = self._active.read_input(port)
         message = self._message_of(port)()
         message._set_bytes(payload)
         return Sample(index, t, message)
 
     def set_output(self, port, message=None, **fields):
         """Sets `PARTICIPANT.OUTPUT` for that activation: a message, or its fields by name. The participant is then not stepped."""
-        self._open.set_output(port, self._payload(port, message, fields))
+        self._active.set_output(port, self._payload(port, message, fields))
 
     def _payload(self, port, message, fields):
         """The bytes of a message for `port`; none for a port that does not exist, which the run refuses with the ports there are."""
@@ -407,7 +407,7 @@ class Run:
 
     def _message_of(self, port):
         if port not in self._messages:
-            descriptor = self._open.described(port)
+            descriptor = self._active.descriptor(port)
             if descriptor is None:
                 raise PortError(f"there is no port `{port}`")
             self._messages[port] = Message.of(descriptor)
@@ -415,35 +415,35 @@ class Run:
 
     def set(self, port, message=None, **fields):
         """Sets the unconnected input `PARTICIPANT.INPUT`: a message, or its fields by name. Fields that are not named are zero."""
-        self._open.set(port, self._payload(port, message, fields))
+        self._active.set(port, self._payload(port, message, fields))
 
     def log(self, participant):
         """The log of a participant so far, at least the newest 64 KiB of it."""
-        return self._open.log(participant)
+        return self._active.log(participant)
 
     def save(self):
         """Saves the state of all participants, in memory."""
-        return self._on(self._open.save)
+        return self._call(self._active.save)
 
     def restore(self, saved):
         """Restores a state that `save` returned."""
-        restore = self._open.restore
+        restore = self._active.restore
         if not isinstance(saved, _native.Saved):
             raise RunError(f"{saved!r} is no state of a run: give what `save` returned")
-        self._on(restore, saved)
+        self._call(restore, saved)
 
     def end(self):
         """Ends the run. Returns the run folder, or the outcome if there is no folder."""
-        native = self._open
-        self._closed = _ENDED
-        told = native.end()
-        folder = _concluded(told, self._interrupt)
-        return folder if folder is not None else Outcome(told["summary"], told["logs"])
+        native = self._active
+        self._refusal = _ENDED
+        report = native.end()
+        folder = _checked_result(report, self._interrupt)
+        return folder if folder is not None else Outcome(report["summary"], report["logs"])
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
         self.check_thread()
-        self._closed = _ENDED
+        self._refusal = _ENDED
         self._native.close()

@@ -44,16 +44,16 @@ def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, fault
     command += ["--workers", str(workers)] if workers is not None else []
     command += ["--keep"] if keep else []
     command += ["--digest"] if digest else []
-    said = _said(command, progress)
-    folder = said["folder"]
+    result = _run_program(command, progress)
+    folder = result["folder"]
     # Before version 3, pandas does not read doubles bit-exactly by default.
     exact = {"float_precision": "round_trip"} if int(pandas.__version__.split(".")[0]) < 3 else {}
     table = pandas.read_csv(os.path.join(folder, "table.csv"), **exact)
-    table.attrs = {"folder": os.path.abspath(folder), "files": said["files"]}
+    table.attrs = {"folder": os.path.abspath(folder), "files": result["files"]}
     return table.set_index("point") if "point" in table else table
 
 
-def _said(command, progress):
+def _run_program(command, progress):
     """Runs the program and reads its output; in a terminal the program shows its progress line itself."""
     shown = _Progress(progress)._shown
     process = subprocess.Popen(

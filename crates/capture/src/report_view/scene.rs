@@ -1,7 +1,8 @@
 //! The capture's playback: servicer with its tank, target, tool and grasp point, forces and paths.
 
 use report::scene::{
-    Arrow, Attitude, Axes, Body, Camera, Component, Distance, Kind, Model, Path, Position, Scene, Shape, Solid, Towards,
+    Arrow, Attitude, Axes, Body, Camera, Component, Distance, Model, Path, Position, Scene, Shape, Solid, SolidKind,
+    Towards,
 };
 use report::view::Signal;
 use tape::StreamSpec;
@@ -188,7 +189,7 @@ fn base(model: Option<Model>, streams: &[StreamSpec]) -> Body {
             model,
         },
         None => Shape::Solid(Solid {
-            kind: Kind::Box,
+            kind: SolidKind::Box,
             size: [1.0; 3],
             xyz: [0.0; 3],
             rpy: [0.0; 3],

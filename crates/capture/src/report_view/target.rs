@@ -2,7 +2,7 @@
 
 use lockstep::units;
 use multibody::nalgebra::{Rotation3, Vector3};
-use report::scene::{Kind, Solid};
+use report::scene::{Solid, SolidKind};
 use toml::Table;
 
 use super::parameters::parameters;
@@ -51,7 +51,7 @@ impl Satellite {
         }
     }
 
-    fn add(&mut self, kind: Kind, size: [f64; 3], xyz: [f64; 3], role: &'static str) {
+    fn add(&mut self, kind: SolidKind, size: [f64; 3], xyz: [f64; 3], role: &'static str) {
         self.solids.push(Solid {
             kind,
             size,
@@ -63,7 +63,7 @@ impl Satellite {
     }
 
     /// A solid on the face with the grasp point; sizes and position are multiples of the point's distance.
-    fn add_on_face(&mut self, kind: Kind, size: [f64; 3], place: [f64; 3], role: &'static str) {
+    fn add_on_face(&mut self, kind: SolidKind, size: [f64; 3], place: [f64; 3], role: &'static str) {
         let at = self.face_to_target * (Vector3::from(place) * self.d);
         self.add(kind, size.map(|length| length * self.d), at.into(), role);
         if let Some(solid) = self.solids.last_mut() {
@@ -74,7 +74,7 @@ impl Satellite {
     /// The bus with rails along all edges, solar cells on its sides, and wings along the longer axis of the face.
     fn add_bus(&mut self) {
         let (d, size, axis) = (self.d, self.size, self.axis);
-        self.add(Kind::Box, size, [0.0; 3], "silver");
+        self.add(SolidKind::Box, size, [0.0; 3], "silver");
         for i in 0..3 {
             for (s, r) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
                 let (mut place, mut edges) = ([0.0; 3], [0.04 * d; 3]);
@@ -82,7 +82,7 @@ impl Satellite {
                 edges[i] = size[i] + 0.04 * d;
                 place[j] = s * size[j] / 2.0;
                 place[k] = r * size[k] / 2.0;
-                self.add(Kind::Box, edges, place, "metal");
+                self.add(SolidKind::Box, edges, place, "metal");
             }
         }
         let across: Vec<usize> = (0..3).filter(|i| *i != axis).collect();
@@ -91,26 +91,26 @@ impl Satellite {
             let (mut place, mut edges) = ([0.0; 3], size.map(|x| 0.84 * x));
             place[b] = s * (size[b] / 2.0 + 0.008 * d);
             edges[b] = 0.02 * d;
-            self.add(Kind::Box, edges, place, "cells");
+            self.add(SolidKind::Box, edges, place, "cells");
             for k in 0..2 {
                 let (mut place, mut edges) = ([0.0; 3], [0.0; 3]);
                 place[a] = s * (size[a] / 2.0 + d * (0.62 + 0.98 * f64::from(k)));
                 edges[a] = 0.94 * d;
                 edges[b] = 0.035 * d;
                 edges[axis] = 1.25 * d;
-                self.add(Kind::Box, edges, place, "cells");
+                self.add(SolidKind::Box, edges, place, "cells");
             }
             let (mut place, mut edges) = ([0.0; 3], [0.05 * d; 3]);
             place[a] = s * (size[a] / 2.0 + 0.09 * d);
             edges[a] = 0.18 * d;
-            self.add(Kind::Box, edges, place, "metal");
+            self.add(SolidKind::Box, edges, place, "metal");
         }
     }
 
     /// A launch ring at the back; at the front the grapple fixture: a ring to hold, a post in its middle, a plate with
     /// marks for the camera; next to it a nozzle and an antenna.
     fn add_fixture(&mut self) {
-        use Kind::{Box, Cylinder, Sphere};
+        use SolidKind::{Box, Cylinder, Sphere};
         self.add_on_face(Cylinder, [0.42, 0.42, 0.06], [0.0, 0.0, -1.0], "metal");
         self.add_on_face(Box, [0.62, 0.62, 0.012], [0.0, 0.0, 0.985], "dark");
         self.add_on_face(Cylinder, [0.22, 0.22, 0.022], [0.0, 0.0, 0.994], "ring");

@@ -403,7 +403,7 @@ fn check_design(one: &Dispersion, own: Design, campaign: Design) -> Result<(), K
             key("design"),
             format!(
                 "a campaign of the design {} has one for all dispersions: take it out",
-                campaign.word()
+                campaign.name()
             ),
         );
     }

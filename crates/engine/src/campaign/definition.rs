@@ -12,7 +12,7 @@ use crate::scenario::{Changes, ScenarioError, ScenarioSpec};
 /// The command that creates a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum CampaignKind {
     /// `sweep`
     Sweep,
     /// `faults`
@@ -23,7 +23,7 @@ pub enum Kind {
 #[derive(Debug)]
 pub struct Campaign {
     /// The command that creates it.
-    pub kind: Kind,
+    pub kind: CampaignKind,
     /// The scenario file.
     pub scenario: PathBuf,
     /// Changes that all points share.
@@ -42,13 +42,13 @@ pub struct Campaign {
 
 impl Campaign {
     /// All points of a plan.
-    pub fn of_plan(kind: Kind, scenario: PathBuf, overrides: Changes, plan: &Plan) -> Campaign {
+    pub fn of_plan(kind: CampaignKind, scenario: PathBuf, overrides: Changes, plan: &Plan) -> Campaign {
         Campaign::of_columns(kind, scenario, overrides, plan.unrolled())
     }
 
     /// Points with these columns and changes, or the reason why a point does not exist.
     pub(super) fn of_columns(
-        kind: Kind,
+        kind: CampaignKind,
         scenario: PathBuf,
         overrides: Changes,
         (columns, settings): (Vec<Column>, Vec<Result<Vec<String>, String>>),
@@ -76,7 +76,7 @@ impl Campaign {
     pub fn is_sample(&self) -> bool {
         match &self.source {
             Some(source) => source.sample,
-            None => self.kind == Kind::Sweep && is_seed_alone(&self.columns),
+            None => self.kind == CampaignKind::Sweep && is_seed_alone(&self.columns),
         }
     }
 

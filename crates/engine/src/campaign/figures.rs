@@ -41,7 +41,7 @@ impl Number {
     }
 
     /// The name with spaces in place of underscores.
-    pub fn words(&self) -> String {
+    pub fn display_name(&self) -> String {
         self.name.replace('_', " ")
     }
 }

@@ -15,7 +15,7 @@ use super::folder::any_path::AnyPath;
 use super::plan::Plan;
 use super::rare::Rare;
 use super::source::Source;
-use super::{Campaign, CampaignError, Kind, Number};
+use super::{Campaign, CampaignError, CampaignKind, Number};
 use crate::assessment::Criterion;
 use crate::scenario::{Changes, KeyLines, Mistake, Scenario, ScenarioError};
 use crate::text::check_title;
@@ -128,7 +128,7 @@ impl CampaignFile {
         };
         Campaign {
             source: Some(source),
-            ..Campaign::of_plan(Kind::Sweep, self.scenario.clone(), overrides, plan)
+            ..Campaign::of_plan(CampaignKind::Sweep, self.scenario.clone(), overrides, plan)
         }
     }
 
@@ -158,7 +158,7 @@ impl CampaignFile {
 
     /// Whether the campaign looks for a rare event.
     fn is_rare(&self) -> bool {
-        self.table.get("design").and_then(Value::as_str) == Some(Design::Subset.word())
+        self.table.get("design").and_then(Value::as_str) == Some(Design::Subset.name())
     }
 
     /// The rare event that the campaign looks for, if any, and the method; `plan` is its own.

@@ -319,7 +319,7 @@ impl RareEventResult {
     }
 
     /// The same as a few lines of text.
-    pub fn words(&self) -> String {
+    pub fn to_text(&self) -> String {
         let estimate = &self.estimate;
         let name = self.criterion.name.replace('_', " ");
         let [low, high] = estimate.interval;
@@ -378,7 +378,7 @@ fn finite(value: f64) -> Option<f64> {
     Some(value).filter(|value| value.is_finite())
 }
 
-/// The points of a curve, thinned out to the number that a picture shows, with both ends.
+/// The points of a curve, thinned out to the number that a chart shows, with both ends.
 fn thinned(mut curve: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     const SHOWN: usize = 600;
     curve.retain(|(score, _)| score.is_finite());

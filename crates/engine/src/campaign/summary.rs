@@ -114,18 +114,18 @@ pub fn map(columns: &[Column], results: &[Option<PointResult>]) -> Option<String
         "  {:>width$} {} from {from} to {to} (# {}, . not, ! no result)",
         "",
         first.name,
-        good_word(results)
+        success_name(results)
     );
     Some(out)
 }
 
-/// The word for a successful point: `met`, or `complete` where no point has criteria.
-pub fn good_word(results: &[Option<PointResult>]) -> &'static str {
+/// The name of the outcome of a successful point: `met`, or `complete` where no point has criteria.
+pub fn success_name(results: &[Option<PointResult>]) -> &'static str {
     let judged = |result: &PointResult| matches!(result.outcome, Outcome::Met | Outcome::NotMet);
     if results.iter().flatten().any(judged) {
-        Outcome::Met.word()
+        Outcome::Met.name()
     } else {
-        Outcome::Complete.word()
+        Outcome::Complete.name()
     }
 }
 

@@ -152,7 +152,7 @@ impl Run {
     }
 
     pub(super) fn over_failure(&self) -> RunFailure {
-        let how = self.over.as_ref().and_then(|over| over.ending.words());
+        let how = self.over.as_ref().and_then(|over| over.ending.reason());
         RunFailure::Over {
             how: how.unwrap_or_else(|| format!("it ended at {}", self.now())),
         }

@@ -144,8 +144,8 @@ impl Ending {
         Ending::Failed { participant, reason }
     }
 
-    /// For people: the participant that failed, and the reason; `None` if all went well.
-    pub fn words(&self) -> Option<String> {
+    /// The reason for messages, with the participant that failed; `None` if all went well.
+    pub fn reason(&self) -> Option<String> {
         match self {
             Ending::Complete => None,
             Ending::Stopped { reason } => Some(reason.clone()),

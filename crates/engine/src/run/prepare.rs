@@ -30,7 +30,7 @@ use super::saved::restore::OriginRun;
 use super::state::RunState;
 use crate::assessment::Assessment;
 use crate::live::Steering;
-use crate::observer::{Answer, Event as Report, Interrupt, Progress};
+use crate::observer::{Event as Report, Interrupt, PauseDecision, Progress};
 use crate::scenario::{Entry, OnFailure, Scenario, ScenarioError, State};
 
 /// How often a pause checks for signals and failures.
@@ -81,7 +81,7 @@ pub(super) fn check_participants(
     }
     let plan = scenario.assumed_plan(&interfaces)?;
     scenario.watches(&plan, |participant| interfaces[participant].is_some())?;
-    scenario.check_pictures(&plan, |participant| interfaces[participant].is_some())?;
+    scenario.check_drawings(&plan, |participant| interfaces[participant].is_some())?;
     scenario.kept(&plan, &streams(&plan), |participant| interfaces[participant].is_some())?;
     if interfaces.iter().all(Option::is_some) {
         assess(scenario, &streams(&plan))?;
@@ -135,7 +135,7 @@ pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Che
     check_substitutes()?;
     assess(scenario, &streams(&plan))?;
     scenario.watches(&plan, |_| true)?;
-    scenario.check_pictures(&plan, |_| true)?;
+    scenario.check_drawings(&plan, |_| true)?;
     scenario.kept(&plan, &streams(&plan), |_| true)?;
     Ok(CheckedScenario {
         interfaces: interfaces.into_iter().map(Some).collect(),
@@ -284,7 +284,7 @@ pub(super) fn create_evaluators(
     plan: &Plan,
     streams: &[StreamSpec],
 ) -> Result<Evaluators, ScenarioError> {
-    scenario.check_pictures(plan, |_| true)?;
+    scenario.check_drawings(plan, |_| true)?;
     Ok((assess(scenario, streams)?, scenario.watches(plan, |_| true)?))
 }
 
@@ -296,7 +296,7 @@ pub(super) fn partial_streams(scenario: &Scenario, plan: &Plan) -> Vec<String> {
     let streams = streams(plan);
     let kept = scenario.kept(plan, &streams, |_| true).unwrap_or_default();
     let all = kept.iter().zip(&streams);
-    all.filter_map(|(kept, spec)| kept.words(spec)).collect()
+    all.filter_map(|(kept, spec)| kept.describe(spec)).collect()
 }
 
 /// The name of the source of each link into each participant.
@@ -388,7 +388,7 @@ pub(super) fn start_point(plan: &Plan, options: &Options, recorder: &mut Recorde
     };
     let from = plan.timebase.ceil(checkpoint.time);
     let from = from.map_err(|error| RunFailure::Other(error.to_string()))?;
-    let history = &History::open(&RunFolder::open(run).tape(), plan, checkpoint.rest.is_some())?;
+    let history = &History::open(&RunFolder::open(run).tape(), plan, checkpoint.off_tape.is_some())?;
     let origin_run = OriginRun { history, checkpoint };
     recorder.copy_origin(&origin_run)?;
     recorder.event(&Event {
@@ -411,7 +411,7 @@ pub(super) fn start_point(plan: &Plan, options: &Options, recorder: &mut Recorde
         substituted: usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX),
         inputs,
         checkpoint: Some(Checkpoint {
-            rest: recorder.off_tape_state(&checkpoint.cut)?,
+            off_tape: recorder.off_tape_state(&checkpoint.cut)?,
             ..checkpoint.clone()
         }),
     })
@@ -455,16 +455,16 @@ pub(super) fn wait_while_paused(
     let t_s = plan.timebase.seconds(at);
     progress.report(Report::Paused { t_s, processes });
     loop {
-        match (progress.answer(), steering) {
-            (Some(Answer::Continue), _) => {
+        match (progress.pause_decision(), steering) {
+            (Some(PauseDecision::Continue), _) => {
                 steering.into_iter().for_each(Steering::resume);
                 return Ok(true);
             }
-            (Some(Answer::End), _) => {
+            (Some(PauseDecision::End), _) => {
                 steering.into_iter().for_each(Steering::resume);
                 return Ok(false);
             }
-            (Some(Answer::Never), None) => return Ok(false),
+            (Some(PauseDecision::Unavailable), None) => return Ok(false),
             (_, Some(steering)) if steering.allows_past(at) => return Ok(true),
             _ if interrupt.is_requested() => return Ok(false),
             _ => std::thread::sleep(PAUSE_POLL_INTERVAL),

@@ -228,8 +228,8 @@ impl Processes {
         {
             let mut recorder = run_state.recorder();
             recorder.expect_repetition()?;
-            if let Some(rest) = &checkpoint.rest {
-                recorder.set_buffer(&rest.samples);
+            if let Some(off_tape) = &checkpoint.off_tape {
+                recorder.set_buffer(&off_tape.samples);
             }
         }
         let missing = self.relocate(run_state, &checkpoint.cut, slots)?;

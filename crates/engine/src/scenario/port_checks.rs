@@ -25,7 +25,7 @@ impl Scenario {
     ///
     /// # Errors
     /// Every signal that no participant publishes, and every unit that does not fit.
-    pub fn check_pictures(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<(), ScenarioError> {
+    pub fn check_drawings(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<(), ScenarioError> {
         report_view::check(&self.view, &self.source, plan, certain)
     }
 

@@ -250,7 +250,7 @@ impl NavigationFilter {
                     return Update::Accepted { nis };
                 }
                 filter.rejections += 1;
-                if filter.rejections > parameters.refusals_max {
+                if filter.rejections > parameters.rejections_max {
                     *filter = FilterState::started(parameters, camera);
                     return Update::Started;
                 }

@@ -30,5 +30,5 @@ pub struct Parameters {
     /// A pose is rejected when its normalised innovation squared exceeds this. 22.5 rejects one good pose in a thousand; infinity none.
     pub gate: f64,
     /// Number of consecutive rejected poses after which the filter is re-initialised: then the estimate is assumed wrong.
-    pub refusals_max: u32,
+    pub rejections_max: u32,
 }

@@ -33,7 +33,7 @@ lockstep::message! {
 lockstep::message! {
     /// Commanded torques of thruster couples on the base, in addition to the wheels.
     #[allow(non_snake_case)]
-    pub struct Couples {
+    pub struct ThrusterTorque as "Couples" {
         /// Torque on the base.
         pub torque_B: [f64; 3] = "N m" in "B",
     }
@@ -108,7 +108,7 @@ lockstep::enumeration! {
         /// The attitude is that of the grasp frame, the position still closes in.
         Closing = 2,
         /// The set-point is the grasp frame.
-        Riding = 3,
+        Tracking as "Riding" = 3,
     }
 }
 

@@ -26,7 +26,7 @@ pub struct LinkFault {
     /// The additional delay of a sample, s.
     pub extra_delay: Rational,
     /// A description, for events and drawings.
-    pub words: String,
+    pub description: String,
 }
 
 /// The port at which a signal fault acts.
@@ -87,5 +87,5 @@ pub struct SignalFault {
     /// The effect.
     pub effect: Effect,
     /// A description, for events and drawings.
-    pub words: String,
+    pub description: String,
 }

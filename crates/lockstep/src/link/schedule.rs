@@ -237,7 +237,7 @@ mod tests {
                 },
                 drop: *drop,
                 extra_delay: Rational::new(i128::from(*extra), i128::from(*parts) * 1000).unwrap(),
-                words: String::new(),
+                description: String::new(),
             };
             let faults: Vec<LinkFault> = faults.iter().enumerate().map(fault).collect();
             let producer = SampleTime { offset, period };
@@ -279,7 +279,7 @@ mod tests {
                 span: FaultWindow { at: thirds(at), until: Some(thirds(at + length)) },
                 drop,
                 extra_delay: Rational::new(i128::from(extra), i128::from(parts) * 1000).unwrap(),
-                words: String::new(),
+                description: String::new(),
             };
             let rule = |faults: &[LinkFault]| DeliveryRule::new(&timing, faults, producer, &timebase, seed, "x").unwrap();
             let (healthy, faulty) = (rule(&[]), rule(std::slice::from_ref(&fault)));

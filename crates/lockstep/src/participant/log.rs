@@ -27,7 +27,7 @@ impl fmt::Display for Line<'_> {
 /// Receives the log lines of participants that run in one process.
 pub trait Sink: Send + Sync {
     /// Receives a line.
-    fn say(&self, line: &Line<'_>);
+    fn write_line(&self, line: &Line<'_>);
 }
 
 /// A participant's log, which knows the simulated time. Without a [`Sink`], lines go to standard error, which is the log of a process
@@ -73,7 +73,7 @@ impl Log {
             text: format_args!("{text}"),
         };
         match &self.sink {
-            Some(sink) => sink.say(&line),
+            Some(sink) => sink.write_line(&line),
             // A pipe without a reader is no reason to fail. The line is written by one call, so that other lines do not interleave.
             None => drop(std::io::stderr().write_all(format!("{line}\n").as_bytes())),
         }

@@ -13,7 +13,7 @@ pub enum Termination {
 
 impl Termination {
     /// The name of the reason, the same in every language.
-    pub fn word(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Termination::Finished => "finished",
             Termination::Stopped => "stopped",

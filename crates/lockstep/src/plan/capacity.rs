@@ -73,7 +73,7 @@ mod tests {
                 },
                 drop: 0.0,
                 extra_delay: extra,
-                words: String::new(),
+                description: String::new(),
             }];
             let timebase = Timebase::from_times([Rational::from_millis(1)]).unwrap();
             let sample_time = SampleTime { offset: 0, period: 1 };

@@ -28,14 +28,14 @@
 /// assert_eq!(Tank::descriptor().fields[0].values[2].name, "Open");
 /// ```
 ///
-/// The names in files and on pages are those of the variants. An enumeration without 0 does not compile: an input is all zero bytes
+/// The names in files and on pages are those of the variants; with `Closed as "Shut" = 0` they have the latter. An enumeration without 0 does not compile: an input is all zero bytes
 /// before its first sample.
 #[macro_export]
 macro_rules! enumeration {
     (
         $(#[$meta:meta])*
         $vis:vis enum $name:ident {
-            $( $(#[$value_meta:meta])* $value:ident = $byte:literal ),+ $(,)?
+            $( $(#[$value_meta:meta])* $value:ident $(as $recorded:literal)? = $byte:literal ),+ $(,)?
         }
     ) => {
         $(#[$meta])*
@@ -70,7 +70,7 @@ macro_rules! enumeration {
             const ELEMENT: $crate::port::Element = $crate::port::Element::Enum;
             fn extents(_: &mut ::std::vec::Vec<u32>) {}
             fn values() -> ::std::vec::Vec<$crate::port::EnumValue> {
-                ::std::vec![$( $crate::port::EnumValue::new(::core::stringify!($value), $byte) ),+]
+                ::std::vec![$( $crate::port::EnumValue::new([$($recorded,)? ::core::stringify!($value)][0], $byte) ),+]
             }
             #[inline]
             fn is_valid(bits: &u8) -> bool {

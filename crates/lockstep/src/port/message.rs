@@ -163,13 +163,16 @@ pub mod __private {
 /// assert_eq!(Motor::descriptor().fields[0].unit, "N m s");
 /// ```
 ///
+/// The message has the name of the struct. With `struct Motor as "MotorState"` descriptors and tapes have the latter, so that a type can be
+/// renamed without a change of the digests.
+///
 /// A struct with padding does not compile: make the padding a field. Messages implement `serde::Serialize` and `serde::Deserialize` as
 /// their bytes, so that they can be part of the state of a participant ([`crate::participant::state`]).
 #[macro_export]
 macro_rules! message {
     (
         $(#[$meta:meta])*
-        $vis:vis struct $name:ident {
+        $vis:vis struct $name:ident $(as $recorded:literal)? {
             $( $(#[$field_meta:meta])* $field_vis:vis $field:ident : $type:ty = $unit:literal $(in $frame:literal)? ),* $(,)?
         }
     ) => {
@@ -217,7 +220,7 @@ macro_rules! message {
         impl $crate::port::Message for $name {
             fn descriptor() -> $crate::port::Descriptor {
                 $crate::port::Descriptor {
-                    name: ::core::stringify!($name).to_owned(),
+                    name: [$($recorded,)? ::core::stringify!($name)][0].to_owned(),
                     size: ::core::mem::size_of::<$name>() as u32,
                     fields: ::std::vec![
                         $( $crate::port::__private::field::<$type>(

@@ -45,7 +45,7 @@ impl Faults {
                 span: one.span,
                 slots: one.slots.clone(),
                 effect: one.effect.clone(),
-                words: String::new(),
+                description: String::new(),
             })
         };
         self.signals.iter().enumerate().filter_map(fault).collect()
@@ -179,7 +179,7 @@ pub fn faults() -> impl Strategy<Value = Faults> {
             span,
             drop,
             extra_delay,
-            words: String::new(),
+            description: String::new(),
         };
         (link, fault)
     });

@@ -18,5 +18,5 @@ mod values;
 pub(crate) use bind::{BoundBody, BoundScene, bind};
 pub(crate) use channel::{ChannelElement, Motion, write_elements};
 pub(crate) use model::Link;
-pub use model::{Kind, Model, ModelError, Solid};
+pub use model::{Model, ModelError, Solid, SolidKind};
 pub use types::{Arrow, Attitude, Axes, Body, Camera, Component, Distance, Path, Position, Scene, Shape, Towards};

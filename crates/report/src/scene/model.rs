@@ -42,7 +42,7 @@ pub(crate) struct Link {
 #[derive(Debug, Clone, Serialize)]
 pub struct Solid {
     /// Its kind.
-    pub kind: Kind,
+    pub kind: SolidKind,
     /// Box: the extents. Cylinder: radius, radius at the top, length. Sphere: radius. m.
     pub size: [f64; 3],
     /// Its centre, m.
@@ -73,7 +73,7 @@ impl Solid {
 /// The kinds of solids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum SolidKind {
     /// Aligned with the axes.
     Box,
     /// About z.
@@ -253,12 +253,12 @@ fn visual(node: Node<'_, '_>) -> Option<Solid> {
     let solid = geometry.children().find(Node::is_element)?;
     let number = |name| solid.attribute(name).and_then(numbers::<1>).map(|[x]| x);
     let (kind, size) = match solid.tag_name().name() {
-        "box" => (Kind::Box, solid.attribute("size").and_then(numbers)?),
+        "box" => (SolidKind::Box, solid.attribute("size").and_then(numbers)?),
         "cylinder" => {
             let radius = number("radius")?;
-            (Kind::Cylinder, [radius, radius, number("length")?])
+            (SolidKind::Cylinder, [radius, radius, number("length")?])
         }
-        "sphere" => (Kind::Sphere, [number("radius")?, 0.0, 0.0]),
+        "sphere" => (SolidKind::Sphere, [number("radius")?, 0.0, 0.0]),
         _ => return None,
     };
     let material = node.children().find(|n| n.has_tag_name("material"));
@@ -326,7 +326,7 @@ fn derive_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
     if let Some((mass, [x, y, z], at)) = inertials[0].filter(|(mass, ..)| *mass > 0.0) {
         let side = |sum: f64| (6.0 * sum / mass).max(1e-4).sqrt();
         let size = [side(y + z - x), side(x + z - y), side(x + y - z)];
-        model.links[0].shapes.push(solid(Kind::Box, size, at, "bus"));
+        model.links[0].shapes.push(solid(SolidKind::Box, size, at, "bus"));
     }
     // Radius of the tubes, decreasing towards the end of a chain.
     let radius = |index: usize| 0.075 - 0.005 * index.min(8) as f64;
@@ -369,11 +369,13 @@ fn derive_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
 fn add_pendulum_shapes(model: &mut Model, at: usize, centre: [f64; 3]) {
     let length = centre.iter().map(|x| x * x).sum::<f64>().sqrt();
     let ball = [0.36 * length, 0.0, 0.0];
-    model.links[at].shapes.push(solid(Kind::Sphere, ball, centre, "bob"));
+    model.links[at]
+        .shapes
+        .push(solid(SolidKind::Sphere, ball, centre, "bob"));
     model.links[at]
         .shapes
         .extend(cylinder_between([0.0; 3], centre, 0.05 * length, "rod"));
-    let tank = solid(Kind::Sphere, [1.56 * length, 0.0, 0.0], [0.0; 3], "tank");
+    let tank = solid(SolidKind::Sphere, [1.56 * length, 0.0, 0.0], [0.0; 3], "tank");
     let (mut fixed, mut place) = (model.links[at].parent.unwrap_or(0), model.links[at].xyz);
     while model.links[fixed].joint.is_some() {
         place = std::array::from_fn(|i| place[i] + model.links[fixed].xyz[i]);
@@ -382,7 +384,7 @@ fn add_pendulum_shapes(model: &mut Model, at: usize, centre: [f64; 3]) {
     model.links[fixed].shapes.push(Solid { xyz: place, ..tank });
 }
 
-pub(crate) fn solid(kind: Kind, size: [f64; 3], xyz: [f64; 3], role: &'static str) -> Solid {
+pub(crate) fn solid(kind: SolidKind, size: [f64; 3], xyz: [f64; 3], role: &'static str) -> Solid {
     Solid {
         kind,
         size,
@@ -401,7 +403,7 @@ fn cylinder_along(axis: [f64; 3], length: f64, center: [f64; 3], radius: f64, ro
     let (pitch, yaw) = ((x * x + y * y).sqrt().atan2(z), y.atan2(x));
     Solid {
         rpy: [0.0, pitch, yaw],
-        ..solid(Kind::Cylinder, [radius, radius, length], center, role)
+        ..solid(SolidKind::Cylinder, [radius, radius, length], center, role)
     }
 }
 

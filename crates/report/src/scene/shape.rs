@@ -3,7 +3,7 @@
 use toml::{Table, Value};
 
 use super::keys::{Keys, at};
-use super::model::{Kind, Model, Solid};
+use super::model::{Model, Solid, SolidKind};
 use super::types::{Arrow, Axes, Path, Shape};
 use super::values::{boolean, colour, direction, positive, quantity, signal, vector3};
 use crate::view::{Mistake, Signal};
@@ -69,13 +69,13 @@ fn solid(kind: &str, table: &Table, keys: &Keys<'_>) -> Result<Shape, Mistake> {
     };
     let length = |value: &Value| positive(value, "m");
     let (kind, size) = match kind {
-        "box" => (Kind::Box, keys.value("box", edges)?.unwrap_or_default()),
+        "box" => (SolidKind::Box, keys.value("box", edges)?.unwrap_or_default()),
         "sphere" => (
-            Kind::Sphere,
+            SolidKind::Sphere,
             [keys.value("sphere", length)?.unwrap_or_default(), 0.0, 0.0],
         ),
         _ => (
-            Kind::Cylinder,
+            SolidKind::Cylinder,
             cylinder(&table["cylinder"]).map_err(|wrong| wrong.with_prefix("cylinder"))?,
         ),
     };

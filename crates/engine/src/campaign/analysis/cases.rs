@@ -4,9 +4,9 @@ use serde_json::{Value, json};
 
 use super::{failures, figure};
 use crate::campaign::Campaign;
-use crate::campaign::good_word;
+use crate::campaign::success_name;
 use crate::campaign::verdicts;
-use crate::campaign::workers::point::{Result as PointResult, word};
+use crate::campaign::workers::point::{Result as PointResult, outcome_name};
 
 /// The cases of a campaign with the outcome of each, for its page.
 pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
@@ -17,7 +17,7 @@ pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>
         let cells = campaign.columns.iter().map(|column| column.texts[at].as_str());
         json!({
             "cells": cells.collect::<Vec<_>>(),
-            "outcome": word(result.as_ref()),
+            "outcome": outcome_name(result.as_ref()),
             "reason": result.as_ref().and_then(|result| result.reason.as_deref()),
         })
     });
@@ -26,7 +26,7 @@ pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>
     json!({
         "title": title,
         "words": verdicts(results),
-        "good": good_word(results),
+        "good": success_name(results),
         "points": results.len(),
         "share": { "good": good, "ran": ran },
         "columns": campaign.columns.iter().map(|column| [column.name.as_str(), column.unit.as_str()]).collect::<Vec<_>>(),

@@ -21,7 +21,7 @@ pub(super) fn failure_groups(results: &[Option<PointResult>]) -> Vec<Value> {
         } else {
             without_numbers(&reason)
         };
-        let group = groups.entry((result.outcome.word(), key));
+        let group = groups.entry((result.outcome.name(), key));
         group.or_insert_with(|| (reason, Vec::new())).1.push(at + 1);
     }
     let mut all: Vec<_> = groups.into_iter().collect();

@@ -54,7 +54,7 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<FigureSample> {
     let differs = good.iter().flatten().any(|one| *one == 0.0) && good.iter().flatten().any(|one| *one == 1.0);
     if differs {
         all.push(FigureSample {
-            name: crate::campaign::good_word(results).to_owned(),
+            name: crate::campaign::success_name(results).to_owned(),
             unit: String::new(),
             truth: true,
             limits: Vec::new(),
@@ -74,7 +74,7 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<FigureSample> {
         });
         let (limits, lower_is_worse) = limits(&number.name, &number.key, all_figures());
         all.push(FigureSample {
-            name: number.words(),
+            name: number.display_name(),
             unit: number.unit,
             truth: false,
             limits,

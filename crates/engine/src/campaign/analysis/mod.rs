@@ -11,10 +11,10 @@ use serde_json::{Value, json};
 
 use super::column::INDEX_COLUMNS;
 use super::figures::LimitUsage;
-use super::good_word;
+use super::success_name;
 use super::verdicts;
 use super::wilson;
-use super::workers::point::{Result as PointResult, word};
+use super::workers::point::{Result as PointResult, outcome_name};
 use super::{Campaign, Column, RareEventResult};
 use figure::FigureSample;
 
@@ -40,11 +40,11 @@ pub fn analysis(title: &str, campaign: &Campaign, results: &[Option<PointResult>
     json!({
         "title": title,
         "words": verdicts(results),
-        "good": good_word(results),
+        "good": success_name(results),
         "points": results.len(),
         "shown": shown.iter().map(|at| at + 1).collect::<Vec<_>>(),
         "share": { "good": good, "ran": ran, "interval": interval },
-        "outcomes": shown.iter().map(|at| word(results[*at].as_ref())).collect::<Vec<_>>(),
+        "outcomes": shown.iter().map(|at| outcome_name(results[*at].as_ref())).collect::<Vec<_>>(),
         "columns": campaign.columns.iter().map(|column| [column.name.as_str(), column.unit.as_str()]).collect::<Vec<_>>(),
         "inputs": inputs.iter().map(|column| input_data(column, &shown)).collect::<Vec<_>>(),
         "measures": measures.collect::<Vec<_>>(),
@@ -119,7 +119,7 @@ fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
             });
             json!({
                 "point": at + 1,
-                "outcome": word(results[*at].as_ref()),
+                "outcome": outcome_name(results[*at].as_ref()),
                 "criterion": name.replace('_', " "),
                 "part": usage.fraction(),
                 "drawn": drawn.collect::<Vec<_>>(),

@@ -44,7 +44,7 @@ pub enum Design {
 
 impl Design {
     /// The name in a campaign file.
-    pub fn word(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         let known = DESIGNS.iter().find(|(_, design)| *design == self);
         known.map_or("", |(word, _)| word)
     }

@@ -36,7 +36,7 @@ impl FromStr for Engine {
 
 impl Engine {
     /// The name as `--on` takes it.
-    pub fn word(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Engine::Shell => "shell",
             Engine::Slurm => "slurm",
@@ -46,7 +46,7 @@ impl Engine {
 
     pub(super) fn refuse<T>(self, reason: impl std::fmt::Display) -> Result<T, CampaignError> {
         Err(CampaignError::Engine {
-            engine: self.word(),
+            engine: self.name(),
             reason: reason.to_string(),
         })
     }

@@ -256,7 +256,7 @@ impl Cluster {
             return Ok(record);
         };
         if (before.engine, before.of) != (record.engine, record.of) {
-            let (had, of) = (before.engine.word(), before.of);
+            let (had, of) = (before.engine.name(), before.of);
             return self.engine.refuse(format!(
                 "{} has {of} shards on {had}: go on with --on {had} --shards {of}, or name another folder with --out",
                 root.display(),

@@ -11,14 +11,14 @@ use super::any_path::AnyPath;
 use crate::campaign::shards::shard::Shard;
 use crate::campaign::source::Source;
 use crate::campaign::stopping_rule::Until;
-use crate::campaign::{Campaign, CampaignError, Column, Kind};
+use crate::campaign::{Campaign, CampaignError, CampaignKind, Column};
 use crate::scenario::{Changes, Scenario, ScenarioSpec};
 
 /// `campaign.json`: the identity of the folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
     /// The command that creates it.
-    pub kind: Kind,
+    pub kind: CampaignKind,
     /// The scenario's name.
     pub scenario: String,
     /// One line about the campaign, or the scenario's.
@@ -370,8 +370,8 @@ pub(crate) fn default_root(identity: &Identity, digest: &Digest) -> PathBuf {
         }
     });
     let parent = match identity.kind {
-        Kind::Sweep => "sweeps",
-        Kind::Faults => "faults",
+        CampaignKind::Sweep => "sweeps",
+        CampaignKind::Faults => "faults",
     };
     let shard = identity
         .shard

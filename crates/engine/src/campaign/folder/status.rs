@@ -63,7 +63,7 @@ impl Part {
     }
 
     fn count(&self, outcome: Outcome) -> usize {
-        self.outcomes.get(outcome.word()).copied().unwrap_or(0)
+        self.outcomes.get(outcome.name()).copied().unwrap_or(0)
     }
 
     /// Whether every point was run, including those that crashed: running them again may change nothing.
@@ -125,7 +125,7 @@ impl Part {
             identity,
         };
         for result in results.iter().flatten() {
-            *part.outcomes.entry(result.outcome.word()).or_default() += 1;
+            *part.outcomes.entry(result.outcome.name()).or_default() += 1;
         }
         part.enough = part
             .identity

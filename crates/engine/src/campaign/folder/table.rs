@@ -33,7 +33,7 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
         unit: String::new(),
         cells: Cells::Text(results.iter().map(|result| result.as_ref().and_then(of)).collect()),
     };
-    columns.push(text("outcome", &|result| Some(result.outcome.word().to_owned())));
+    columns.push(text("outcome", &|result| Some(result.outcome.name().to_owned())));
     columns.push(text("reason", &|result| result.reason.clone()));
     // Every point of one scenario has the same figures.
     let figures = results.iter().flatten().find_map(|result| result.figures.as_ref());

@@ -195,7 +195,7 @@ impl MergedResults {
             let Some(result) = self.results[at].as_ref().filter(|result| **result != entry.result) else {
                 continue;
             };
-            let outcomes = || (result.outcome.word().into(), entry.result.outcome.word().into());
+            let outcomes = || (result.outcome.name().into(), entry.result.outcome.name().into());
             let (first, second) = result.difference(&entry.result).unwrap_or_else(outcomes);
             let (number_of_first, node_of_first) = &self.sources[at];
             differences.push(format!(

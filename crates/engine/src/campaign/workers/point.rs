@@ -33,7 +33,7 @@ pub enum Outcome {
 
 impl Outcome {
     /// The name in the table.
-    pub fn word(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Outcome::Met => "met",
             Outcome::NotMet => "not-met",
@@ -86,7 +86,7 @@ impl Result {
             return (own != its).then(|| (words(own), words(its)));
         }
         if self.outcome != other.outcome {
-            return Some((self.outcome.word().into(), other.outcome.word().into()));
+            return Some((self.outcome.name().into(), other.outcome.name().into()));
         }
         self.figures.as_ref()?.difference(other.figures.as_ref()?)
     }
@@ -99,7 +99,9 @@ impl Result {
                 let last_output = run.logs.get(participant).map(|lines| run::last_lines(lines));
                 (
                     Outcome::Failed,
-                    run.ending.words().map(|words| words + &last_output.unwrap_or_default()),
+                    run.ending
+                        .reason()
+                        .map(|words| words + &last_output.unwrap_or_default()),
                 )
             }
             (Ending::Stopped { reason }, _) => (Outcome::Crashed, Some(reason.clone())),
@@ -274,6 +276,6 @@ pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Figures {
 }
 
 /// The name of the outcome of a point, also where it was not run.
-pub fn word(result: Option<&Result>) -> &'static str {
-    result.map_or("not run", |result| result.outcome.word())
+pub fn outcome_name(result: Option<&Result>) -> &'static str {
+    result.map_or("not run", |result| result.outcome.name())
 }

@@ -91,7 +91,7 @@ impl SharedLogs {
 }
 
 impl Sink for SharedLogs {
-    fn say(&self, line: &Line<'_>) {
+    fn write_line(&self, line: &Line<'_>) {
         let mut logs = self.logs();
         let Logs {
             folder,
@@ -147,7 +147,7 @@ mod tests {
 
     fn say(logs: &SharedLogs, text: &str) {
         let (participant, t) = ("a", Some(0.5));
-        logs.say(&Line {
+        logs.write_line(&Line {
             participant,
             t,
             text: format_args!("{text}"),

@@ -109,7 +109,7 @@ impl ParticipantProcess {
             .env(lockstep::host::ADDRESS, address)
             .env(lockstep::host::PARTICIPANT, &name)
             .env_remove(SPANS)
-            .envs(detail.map(|detail| (SPANS, detail.word())))
+            .envs(detail.map(|detail| (SPANS, detail.name())))
             .stdin(Stdio::null())
             .stdout(output.try_clone()?)
             .stderr(output);

@@ -415,7 +415,7 @@ fn no_reply_failure(
                 "did not {what} within {} s {since} (pid {pid}, {}); a program that needs longer is given it by `start-within` in the \
                  scenario or --start-within{}",
                 reply_timeout.as_secs_f64(),
-                process_state(pid).words(),
+                process_state(pid).description(),
                 tail_message(process.log())
             )
         }

@@ -10,7 +10,7 @@ pub(crate) enum ProcessState {
 }
 
 impl ProcessState {
-    pub(crate) fn words(self) -> &'static str {
+    pub(crate) fn description(self) -> &'static str {
         match self {
             ProcessState::Alive => "alive",
             ProcessState::InKernel => "alive, in the kernel",

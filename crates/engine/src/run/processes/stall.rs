@@ -116,7 +116,7 @@ fn state(pid: u32, status: &Status, seconds: f64) -> String {
         Activity::Finished => "done without having reported it,",
         Activity::Input { .. } | Activity::Room { .. } | Activity::Recorder => "waiting",
     };
-    format!("{}, {work} for {seconds:.1} s", process_state(pid).words())
+    format!("{}, {work} for {seconds:.1} s", process_state(pid).description())
 }
 
 /// `has not published push #200; plant waits for it at t = 2 s`

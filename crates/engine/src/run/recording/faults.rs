@@ -14,7 +14,7 @@ pub struct Notice<'a> {
     /// When it is active.
     pub span: FaultWindow,
     /// What it does, and to which signal or connection.
-    pub words: &'a str,
+    pub description: &'a str,
     /// The participant whose signal it disturbs; `None` for a connection.
     pub participant: Option<&'a str>,
 }
@@ -27,14 +27,14 @@ pub fn notices(plan: &Plan) -> Vec<Notice<'_>> {
         Notice {
             name: &fault.name,
             span: fault.span,
-            words: &fault.words,
+            description: &fault.description,
             participant: Some(&plan.participants[participant].name),
         }
     });
     let links = plan.links.iter().flat_map(|link| &link.faults).map(|fault| Notice {
         name: &fault.name,
         span: fault.span,
-        words: &fault.words,
+        description: &fault.description,
         participant: None,
     });
     let mut notices: Vec<Notice<'_>> = signals.chain(links).collect();
@@ -58,7 +58,7 @@ pub(crate) fn events(plan: &Plan) -> VecDeque<(Ticks, Event)> {
                     time,
                     kind: EventKind::Fault,
                     participant: notice.participant.map(str::to_owned),
-                    text: format!("fault `{}` {edge}: {}", notice.name, notice.words),
+                    text: format!("fault `{}` {edge}: {}", notice.name, notice.description),
                 },
             ));
         }
@@ -75,7 +75,7 @@ pub(crate) fn active(plan: &Plan, t: Ticks) -> String {
         |notice: &Notice<'_>| ticks(notice.span.at) <= t && notice.span.until.is_none_or(|until| t < ticks(until));
     let names = notices(plan).into_iter().filter(is_active);
     let names: Vec<String> = names
-        .map(|notice| format!("`{}` ({})", notice.name, notice.words))
+        .map(|notice| format!("`{}` ({})", notice.name, notice.description))
         .collect();
     if names.is_empty() {
         String::new()

@@ -38,7 +38,7 @@ struct Element {
 
 impl Element {
     /// `q[3] = 0.25 rad`, `mode = fault`
-    fn words(&self, payload: &[u8]) -> String {
+    fn describe(&self, payload: &[u8]) -> String {
         let at = (self.slot.offset - self.field.offset) as usize / self.slot.element.size();
         format!("{} = {}{}", self.name, self.field.shown(payload, at), self.unit)
     }
@@ -87,17 +87,17 @@ impl SampleGuard {
         if let Some((low, high)) = self.forbidden.range {
             let outside = |element: &&Element| !(low..=high).contains(&element.slot.value(payload));
             if let Some(element) = self.elements.iter().find(outside) {
-                let (words, unit) = (element.words(payload), &element.unit);
+                let (value, unit) = (element.describe(payload), &element.unit);
                 return Some(format!(
-                    "sample #{index} at t = {t} s with {words}, outside of {low} to {high}{unit} (guard `{guard}`)"
+                    "sample #{index} at t = {t} s with {value}, outside of {low} to {high}{unit} (guard `{guard}`)"
                 ));
             }
         }
         let forbidden = |element: &&Element| self.forbidden.never.contains(&element.slot.value(payload));
         if let Some(element) = self.elements.iter().find(forbidden) {
-            let words = element.words(payload);
+            let value = element.describe(payload);
             return Some(format!(
-                "sample #{index} at t = {t} s with {words}, which must never be (guard `{guard}`)"
+                "sample #{index} at t = {t} s with {value}, which must never be (guard `{guard}`)"
             ));
         }
         let frozen_for = self.frozen_for?;
@@ -112,8 +112,8 @@ impl SampleGuard {
                 }
                 let (first, more) = match &self.elements[..] {
                     [] => return None,
-                    [element] => (element.words(payload), ""),
-                    [element, ..] => (element.words(payload), " and the rest of it"),
+                    [element] => (element.describe(payload), ""),
+                    [element, ..] => (element.describe(payload), " and the rest of it"),
                 };
                 Some(format!(
                     "sample #{index} at t = {t} s frozen: {first}{more} has not changed since t = {} s (guard `{guard}`)",
@@ -150,8 +150,8 @@ impl SampleGuard {
         format!("{} {elements:?} {forbidden:?} {frozen_for:?}", self.stream)
     }
 
-    /// Its name, in words.
-    pub(crate) fn words(&self) -> String {
+    /// Its name for messages.
+    pub(crate) fn label(&self) -> String {
         format!("guard `{}`", self.name)
     }
 

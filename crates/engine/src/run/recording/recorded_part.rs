@@ -60,8 +60,8 @@ impl RecordedPart {
         Some(spec)
     }
 
-    /// What is on the tape, in words; `None` if it has every sample.
-    pub fn words(self, spec: &StreamSpec) -> Option<String> {
+    /// What is on the tape, for messages; `None` if it has every sample.
+    pub fn describe(self, spec: &StreamSpec) -> Option<String> {
         if self.is_whole() {
             return None;
         }

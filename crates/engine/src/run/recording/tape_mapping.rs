@@ -149,7 +149,11 @@ mod tests {
             .collect();
         assert_eq!(places, [(8, (0, 2)), (12, (0, 3)), (16, (0, 4))]);
         assert_eq!(mapping.place(2, 7), Some((1, 7)));
-        let words: Vec<Option<String>> = kept.iter().zip(&streams).map(|(kept, spec)| kept.words(spec)).collect();
+        let words: Vec<Option<String>> = kept
+            .iter()
+            .zip(&streams)
+            .map(|(kept, spec)| kept.describe(spec))
+            .collect();
         assert_eq!(words[0].as_deref(), Some("nothing of `a.x`"));
         assert_eq!(words[1].as_deref(), Some("`a.y` every 40 ms from 85 ms to 165 ms"));
         assert_eq!(words[2], None);

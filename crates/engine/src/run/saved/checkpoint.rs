@@ -54,7 +54,7 @@ pub struct Checkpoint {
     pub replaced: Vec<bool>,
     /// What the tape does not have, if it does not have every sample.
     #[serde(skip)]
-    pub rest: Option<OffTapeState>,
+    pub off_tape: Option<OffTapeState>,
 }
 
 /// Why a checkpoint cannot be written or read.
@@ -120,7 +120,7 @@ impl Checkpoint {
             states,
             substitutions: substituted as u64,
             replaced: entries.iter().map(|entry| entry.replaced).collect(),
-            rest: None,
+            off_tape: None,
         }
     }
 
@@ -130,9 +130,9 @@ impl Checkpoint {
     /// [`CheckpointError::TooLarge`].
     pub fn encode(&self) -> Result<Vec<u8>, CheckpointError> {
         let time = self.time;
-        let (magic, body) = match &self.rest {
+        let (magic, body) = match &self.off_tape {
             None => (MAGIC, wire::encode("a checkpoint", self)),
-            Some(rest) => (MAGIC_OFF_TAPE, wire::encode("a checkpoint", &(self, rest))),
+            Some(off_tape) => (MAGIC_OFF_TAPE, wire::encode("a checkpoint", &(self, off_tape))),
         };
         let body = body.map_err(|error| {
             let source = Box::new(error);
@@ -167,9 +167,11 @@ impl Checkpoint {
         let decoded = match more {
             None => wire::decode("a checkpoint", body),
             Some(_) => {
-                wire::decode::<(Checkpoint, OffTapeState)>("a checkpoint", body).map(|(checkpoint, rest)| Checkpoint {
-                    rest: Some(rest),
-                    ..checkpoint
+                wire::decode::<(Checkpoint, OffTapeState)>("a checkpoint", body).map(|(checkpoint, off_tape)| {
+                    Checkpoint {
+                        off_tape: Some(off_tape),
+                        ..checkpoint
+                    }
                 })
             }
         };
@@ -261,7 +263,7 @@ mod tests {
             states: vec![vec![1, 2, 3], Vec::new()],
             substitutions: 1,
             replaced: vec![false, true],
-            rest: None,
+            off_tape: None,
         }
     }
 
@@ -270,14 +272,14 @@ mod tests {
             index: 7,
             payload: vec![5, 6],
         };
-        let rest = OffTapeState {
+        let off_tape = OffTapeState {
             counts: vec![2, 9],
             samples: vec![vec![sample], Vec::new()],
             assessment: Some(vec![1]),
             guards: vec![("0".into(), Some((vec![3], 4))), ("1".into(), None)],
         };
         Checkpoint {
-            rest: Some(rest),
+            off_tape: Some(off_tape),
             ..checkpoint()
         }
     }

@@ -42,8 +42,8 @@ impl OriginRun<'_> {
         if let Some(payload) = self.history.payload(stream, index)? {
             return Ok(payload);
         }
-        let rest = self.checkpoint.rest.as_ref();
-        let payload = rest.and_then(|rest| rest.payload(stream as usize, index));
+        let off_tape = self.checkpoint.off_tape.as_ref();
+        let payload = off_tape.and_then(|off_tape| off_tape.payload(stream as usize, index));
         payload
             .map(<[u8]>::to_vec)
             .ok_or_else(|| missing_sample_failure(plan, stream, index))
@@ -190,8 +190,8 @@ impl Recorder {
     pub(crate) fn copy_origin(&mut self, origin: &OriginRun<'_>) -> Result<(), RunFailure> {
         let OriginRun { history, checkpoint } = origin;
         let (plan, samples) = (self.plan.clone(), self.samples_before(&checkpoint.cut));
-        let rest = checkpoint.rest.as_ref();
-        let counts = rest.map_or(&samples, |rest| &rest.counts);
+        let off_tape = checkpoint.off_tape.as_ref();
+        let counts = off_tape.map_or(&samples, |off_tape| &off_tape.counts);
         if counts.len() != samples.len() {
             let reason = "the run cannot be resumed: the checkpoint is one of other streams";
             return Err(RunFailure::Other(reason.into()));
@@ -216,7 +216,7 @@ impl Recorder {
             self.set_buffer(&needed);
         }
         (self.recorded, self.published) = (samples.clone(), samples);
-        self.restore_evaluators(rest, &incomplete)?;
+        self.restore_evaluators(off_tape, &incomplete)?;
         // Faults are reported again with the samples that reach their times. What takes place at the instant of the checkpoint
         // takes place again.
         let time = checkpoint.time;
@@ -275,8 +275,8 @@ impl Recorder {
         self.latest.iter_mut().for_each(NewestSamples::clear);
         let counts = self.tape_mapping.of_first(&samples);
         let incomplete: Vec<bool> = counts.iter().zip(&samples).map(|(kept, all)| kept < all).collect();
-        if let Some(rest) = &checkpoint.rest {
-            self.set_buffer(&rest.samples);
+        if let Some(off_tape) = &checkpoint.off_tape {
+            self.set_buffer(&off_tape.samples);
         }
         // The figures, guards and faults are restored from the samples that were kept and from their saved state.
         let kept = self.store.take_samples(&plan, !self.tape_mapping.is_whole())?;
@@ -287,7 +287,7 @@ impl Recorder {
         evaluated?;
         self.continue_at(&checkpoint.cut);
         self.recorded.clone_from(&self.published);
-        self.restore_evaluators(checkpoint.rest.as_ref(), &incomplete)?;
+        self.restore_evaluators(checkpoint.off_tape.as_ref(), &incomplete)?;
         self.violation = None;
         events.iter().try_for_each(|event| self.event(event))?;
         Ok(())
@@ -314,8 +314,8 @@ impl Recorder {
     }
 
     /// Restores what evaluates streams with missing samples to the state after all of their samples.
-    fn restore_evaluators(&mut self, rest: Option<&OffTapeState>, incomplete: &[bool]) -> Result<(), RunFailure> {
-        let Some(rest) = rest.filter(|_| incomplete.contains(&true)) else {
+    fn restore_evaluators(&mut self, off_tape: Option<&OffTapeState>, incomplete: &[bool]) -> Result<(), RunFailure> {
+        let Some(off_tape) = off_tape.filter(|_| incomplete.contains(&true)) else {
             return Ok(());
         };
         let cannot = |what: &str| RunFailure::Other(format!("the run cannot be resumed: {what}"));
@@ -323,15 +323,15 @@ impl Recorder {
         if let Some(assessment) = &mut self.assessment
             && incomplete_streams.clone().any(|stream| assessment.reads(stream))
         {
-            let saved = rest.assessment.as_deref().unwrap_or_default();
+            let saved = off_tape.assessment.as_deref().unwrap_or_default();
             let restored = assessment.restore(saved, incomplete);
             restored.map_err(|reason| cannot(&reason))?;
         }
         for guard in self.guards.iter_mut().filter(|guard| incomplete[guard.stream]) {
-            if !guard.restore(&rest.guards) {
+            if !guard.restore(&off_tape.guards) {
                 let what = format!(
                     "{} is new or was changed, and uses a stream of which [record] leaves samples out",
-                    guard.words()
+                    guard.label()
                 );
                 return Err(cannot(&what));
             }

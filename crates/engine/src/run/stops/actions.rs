@@ -72,7 +72,7 @@ pub(crate) fn collect_checkpoint<E: Executor + ?Sized>(
 ) -> Result<Checkpoint, RunFailure> {
     let states = (0..run_state.entries.len()).map(|number| executor.save(run_state, number));
     let states = states.collect::<Result<_, _>>()?;
-    let rest = run_state.recorder().off_tape_state(&cut)?;
+    let off_tape = run_state.recorder().off_tape_state(&cut)?;
     let checkpoint = Checkpoint::new(
         &run_state.plan,
         time,
@@ -81,7 +81,7 @@ pub(crate) fn collect_checkpoint<E: Executor + ?Sized>(
         run_state.substituted,
         &run_state.entries,
     );
-    Ok(Checkpoint { rest, ..checkpoint })
+    Ok(Checkpoint { off_tape, ..checkpoint })
 }
 
 /// Saves the state at `time`, where all participants have just continued at `cut`, so that a restart need not go back further.

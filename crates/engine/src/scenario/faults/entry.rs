@@ -95,7 +95,7 @@ impl FaultSpec {
             span,
             drop: self.drop.unwrap_or(0.0),
             extra_delay: extra_delay.unwrap_or_default(),
-            words: format!("connection {connection}: {}", words.join(", ")),
+            description: format!("connection {connection}: {}", words.join(", ")),
         })
     }
 }

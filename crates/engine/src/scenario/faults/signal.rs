@@ -163,7 +163,7 @@ impl DeclaredSignalFault {
             span: self.span,
             effect: self.effect(field, &slots)?,
             slots,
-            words: self.description(),
+            description: self.description(),
         }))
     }
 

@@ -3,7 +3,7 @@
 use lockstep::port::Field;
 
 use super::proto;
-use crate::scene::{BoundBody, BoundScene, ChannelElement, Kind, Link, Model, Solid, write_elements};
+use crate::scene::{BoundBody, BoundScene, ChannelElement, Link, Model, Solid, SolidKind, write_elements};
 use tape::StreamSpec;
 
 /// A pose among the fields of a payload: frame `child` in frame `parent`.
@@ -314,9 +314,9 @@ fn primitive(out: &mut Vec<u8>, shape: &Solid) {
     let [a, b, c] = shape.size;
     let widest = a.max(b).max(f64::MIN_POSITIVE);
     let (number, size) = match shape.kind {
-        Kind::Box => (8, [a, b, c]),
-        Kind::Sphere => (9, [2.0 * a; 3]),
-        Kind::Cylinder => (10, [2.0 * widest, 2.0 * widest, c]),
+        SolidKind::Box => (8, [a, b, c]),
+        SolidKind::Sphere => (9, [2.0 * a; 3]),
+        SolidKind::Cylinder => (10, [2.0 * widest, 2.0 * widest, c]),
     };
     proto::message(out, number, |solid| {
         proto::message(solid, 1, |pose| {
@@ -324,7 +324,7 @@ fn primitive(out: &mut Vec<u8>, shape: &Solid) {
             quaternion(pose, 2, from_rpy(shape.rpy));
         });
         vector(solid, 2, &size);
-        let cylinder = shape.kind == Kind::Cylinder;
+        let cylinder = shape.kind == SolidKind::Cylinder;
         if cylinder {
             proto::double(solid, 3, a / widest);
             proto::double(solid, 4, b / widest);

@@ -1,4 +1,4 @@
-//! Contents of a campaign's picture, and the combined result of the points at one of its positions.
+//! Contents of a campaign's chart, and the combined result of the points at one of its positions.
 
 use std::collections::BTreeMap;
 
@@ -6,12 +6,12 @@ use report::figures::Shade;
 
 use crate::campaign::Column;
 use crate::campaign::figures::Number;
-use crate::campaign::summary::good_word;
+use crate::campaign::summary::success_name;
 use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// What to draw.
 #[derive(Debug)]
-pub struct Picture<'a> {
+pub struct ChartContent<'a> {
     /// The scenario's title.
     pub title: &'a str,
     /// The labels of the points.
@@ -22,10 +22,10 @@ pub struct Picture<'a> {
     pub figure: Option<&'a Number>,
 }
 
-impl Picture<'_> {
-    /// The word for a successful point.
-    pub(crate) fn word(&self) -> &'static str {
-        good_word(self.results)
+impl ChartContent<'_> {
+    /// The name of the outcome of a successful point.
+    pub(crate) fn success_name(&self) -> &'static str {
+        success_name(self.results)
     }
 
     /// Whether the figure shown has a lower limit and no upper one.
@@ -39,7 +39,7 @@ impl Picture<'_> {
     }
 }
 
-/// Points that share a position of the picture.
+/// Points that share a position of the chart.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct PlotPosition<'a> {
     pub(crate) results: Vec<Option<&'a PointResult>>,

@@ -1,4 +1,4 @@
-//! Pictures of a campaign: over one or two varied keys, or as distributions.
+//! Charts of a campaign: over one or two varied keys, or as distributions.
 
 pub(super) mod content;
 pub(super) mod distribution;

@@ -1,11 +1,11 @@
-//! Picture of drawn points: the distribution of their distances from the limits.
+//! Chart of drawn points: the distribution of their distances from the limits.
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Shade, Stroke};
 
-use super::content::Picture;
+use super::content::ChartContent;
 use crate::campaign::figure_value;
 use crate::campaign::figures::{Figures, Number};
-use crate::campaign::good_word;
+use crate::campaign::success_name;
 use crate::text::three_digits;
 
 /// Maximum number of marks of a curve.
@@ -13,9 +13,9 @@ const MARKS_MAX: usize = 60;
 
 /// For each criterion its sorted values, as fractions of the limit, over the fraction of the points; without criteria those
 /// of the figure. The fraction of the points that is met is green. `None` where there is nothing to draw.
-pub(crate) fn draw_distribution(picture: &Picture<'_>) -> Option<Drawing> {
+pub(crate) fn draw_distribution(chart: &ChartContent<'_>) -> Option<Drawing> {
     let with = || {
-        picture
+        chart
             .results
             .iter()
             .flatten()
@@ -24,8 +24,8 @@ pub(crate) fn draw_distribution(picture: &Picture<'_>) -> Option<Drawing> {
     let mut curves = limit_fraction_curves(with);
     let (mut limits, mut y_label) = (Vec::new(), "part of the limit".to_owned());
     if curves.is_empty() {
-        let Number { key, unit, .. } = picture.figure?;
-        let values = picture
+        let Number { key, unit, .. } = chart.figure?;
+        let values = chart
             .results
             .iter()
             .flatten()
@@ -33,7 +33,7 @@ pub(crate) fn draw_distribution(picture: &Picture<'_>) -> Option<Drawing> {
         curves.extend(curve(String::new(), values));
         y_label = format!(
             "{} [{}]",
-            picture.figure?.words(),
+            chart.figure?.display_name(),
             if unit.is_empty() { "1" } else { unit }
         );
     } else {
@@ -45,13 +45,13 @@ pub(crate) fn draw_distribution(picture: &Picture<'_>) -> Option<Drawing> {
     if curves.is_empty() {
         return None;
     }
-    let ran = picture
+    let ran = chart
         .results
         .iter()
         .flatten()
         .filter(|result| result.outcome.ran())
         .count();
-    let good = picture
+    let good = chart
         .results
         .iter()
         .flatten()
@@ -66,7 +66,7 @@ pub(crate) fn draw_distribution(picture: &Picture<'_>) -> Option<Drawing> {
             .filter(|y| *y > 0.0)
     };
     let spread = heights().fold(0.0, f64::max) / heights().fold(f64::INFINITY, f64::min);
-    let title = format!("{}: {share:.1} % {}", picture.title, good_word(picture.results));
+    let title = format!("{}: {share:.1} % {}", chart.title, success_name(chart.results));
     let chart = Chart {
         title,
         x_label: "part of the points, by size [%]".to_owned(),

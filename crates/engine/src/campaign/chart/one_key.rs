@@ -1,8 +1,8 @@
-//! The picture over one varied key: curves.
+//! The chart over one varied key: curves.
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Stroke};
 
-use super::content::{Picture, PlotPosition, axis_label, index_by_value};
+use super::content::{ChartContent, PlotPosition, axis_label, index_by_value};
 use crate::campaign::Column;
 use crate::campaign::figure_value;
 use crate::campaign::figures::Figures;
@@ -10,7 +10,7 @@ use crate::campaign::summary::distinct;
 use crate::campaign::workers::point::Result as PointResult;
 use crate::text::three_digits;
 
-/// The positions of a picture along its only axis.
+/// The positions of a chart along its only axis.
 struct KeyAxis<'a> {
     positions: Vec<(&'a String, PlotPosition<'a>)>,
     /// The coordinate of each position.
@@ -19,9 +19,9 @@ struct KeyAxis<'a> {
 }
 
 /// A figure of merit, or each criterion as a fraction of its limit.
-pub(crate) fn chart_over_one_key(picture: &Picture<'_>, column: &Column) -> Drawing {
-    let axis = KeyAxis::of(picture, column);
-    let (y_label, curves, limits) = axis.figure(picture).unwrap_or_else(|| axis.criteria(picture));
+pub(crate) fn chart_over_one_key(chart: &ChartContent<'_>, column: &Column) -> Drawing {
+    let axis = KeyAxis::of(chart, column);
+    let (y_label, curves, limits) = axis.figure(chart).unwrap_or_else(|| axis.criteria(chart));
     let values = || {
         curves
             .iter()
@@ -31,7 +31,7 @@ pub(crate) fn chart_over_one_key(picture: &Picture<'_>, column: &Column) -> Draw
     };
     let spread = values().fold(0.0, f64::max) / values().fold(f64::INFINITY, f64::min);
     Chart {
-        title: format!("{}: green where {}", picture.title, picture.word()),
+        title: format!("{}: green where {}", chart.title, chart.success_name()),
         x_label: axis_label(column),
         y_label,
         x_names: if column.numbers.is_some() {
@@ -49,12 +49,12 @@ pub(crate) fn chart_over_one_key(picture: &Picture<'_>, column: &Column) -> Draw
 }
 
 /// The points of each value of `column`, in order of first occurrence of the values.
-fn positions<'a>(picture: &Picture<'a>, column: &'a Column) -> Vec<(&'a String, PlotPosition<'a>)> {
+fn positions<'a>(chart: &ChartContent<'a>, column: &'a Column) -> Vec<(&'a String, PlotPosition<'a>)> {
     let values = distinct(&column.texts);
     let mut positions: Vec<(&String, PlotPosition<'_>)> =
         values.iter().map(|value| (*value, PlotPosition::default())).collect();
     let numbers = index_by_value(&values);
-    for (text, result) in column.texts.iter().zip(picture.results) {
+    for (text, result) in column.texts.iter().zip(chart.results) {
         positions[numbers[text]].1.results.push(result.as_ref());
     }
     positions
@@ -64,8 +64,8 @@ fn positions<'a>(picture: &Picture<'a>, column: &'a Column) -> Vec<(&'a String, 
 type FigureCurves = (String, Vec<Curve>, Vec<Limit>);
 
 impl<'a> KeyAxis<'a> {
-    fn of(picture: &Picture<'a>, column: &'a Column) -> KeyAxis<'a> {
-        let mut positions = positions(picture, column);
+    fn of(chart: &ChartContent<'a>, column: &'a Column) -> KeyAxis<'a> {
+        let mut positions = positions(chart, column);
         let position = |value: &String| {
             let at = column.texts.iter().position(|text| text == value)?;
             column.numbers.as_ref().map(|numbers| numbers[at])
@@ -81,7 +81,7 @@ impl<'a> KeyAxis<'a> {
         KeyAxis {
             positions,
             xs,
-            lower_is_worse: picture.lower_is_worse(),
+            lower_is_worse: chart.lower_is_worse(),
         }
     }
 
@@ -112,17 +112,17 @@ impl<'a> KeyAxis<'a> {
     }
 
     /// The requested figure of merit, with its limits.
-    fn figure(&self, picture: &Picture<'_>) -> Option<FigureCurves> {
-        let figure = picture.figure?;
+    fn figure(&self, chart: &ChartContent<'_>) -> Option<FigureCurves> {
+        let figure = chart.figure?;
         let y_label = if figure.unit.is_empty() {
-            figure.words()
+            figure.display_name()
         } else {
-            format!("{} [{}]", figure.words(), figure.unit)
+            format!("{} [{}]", figure.display_name(), figure.unit)
         };
         let curves = vec![self.curve("", &|result| figure_value(result, &figure.key))];
         // a criterion may have another unit than the figure
         let mut limits = Vec::new();
-        let first = first_figures(picture);
+        let first = first_figures(chart);
         let criteria = first.map_or(&[][..], |figures| &figures.criteria);
         if let Some(criterion) = criteria.iter().find(|criterion| criterion.name == figure.name)
             && let (Some(value), Some(own)) = (criterion.value, first.and_then(|first| first.value(&figure.key)))
@@ -143,13 +143,13 @@ impl<'a> KeyAxis<'a> {
     }
 
     /// Every criterion with an upper limit, as a fraction of it.
-    fn criteria(&self, picture: &Picture<'_>) -> FigureCurves {
+    fn criteria(&self, chart: &ChartContent<'_>) -> FigureCurves {
         let limits = vec![Limit {
             value: 1.0,
             name: "limit".into(),
         }];
         let mut curves = Vec::new();
-        for criterion in first_figures(picture).map_or(&[][..], |figures| &figures.criteria) {
+        for criterion in first_figures(chart).map_or(&[][..], |figures| &figures.criteria) {
             let Some(limit) = criterion.limit.filter(|limit| *limit > 0.0) else {
                 continue;
             };
@@ -166,7 +166,7 @@ impl<'a> KeyAxis<'a> {
 }
 
 /// The figures of the first point that has any.
-fn first_figures<'a>(picture: &Picture<'a>) -> Option<&'a Figures> {
-    let mut all = picture.results.iter().flatten();
+fn first_figures<'a>(chart: &ChartContent<'a>) -> Option<&'a Figures> {
+    let mut all = chart.results.iter().flatten();
     all.find_map(|result| result.figures.as_ref())
 }

@@ -1,8 +1,8 @@
-//! The picture over two varied keys: a map.
+//! The chart over two varied keys: a map.
 
 use report::figures::{Drawing, Map, MapCell, Shade};
 
-use super::content::{Picture, PlotPosition, axis_label, index_by_value};
+use super::content::{ChartContent, PlotPosition, axis_label, index_by_value};
 use crate::campaign::Column;
 use crate::campaign::figure_value;
 use crate::campaign::summary::distinct;
@@ -10,16 +10,16 @@ use crate::campaign::workers::point::Result as PointResult;
 use crate::text::three_digits;
 
 /// Each position in the colour of the outcome of its points.
-pub(crate) fn map_over_two_keys(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
+pub(crate) fn map_over_two_keys(chart: &ChartContent<'_>, x: &Column, y: &Column) -> Drawing {
     let (across, down) = (sorted_values(x), sorted_values(y));
     let mut positions = vec![PlotPosition::default(); across.len() * down.len()];
     let (columns, rows) = (index_by_value(&across), index_by_value(&down));
-    for (at, result) in picture.results.iter().enumerate() {
+    for (at, result) in chart.results.iter().enumerate() {
         let position = rows[&y.texts[at]] * across.len() + columns[&x.texts[at]];
         positions[position].results.push(result.as_ref());
     }
-    let of = |result: &PointResult| figure_value(result, &picture.figure?.key);
-    let lower_is_worse = picture.lower_is_worse();
+    let of = |result: &PointResult| figure_value(result, &chart.figure?.key);
+    let lower_is_worse = chart.lower_is_worse();
     let worst: Vec<Option<f64>> = positions.iter().map(|cell| cell.worst(lower_is_worse, of)).collect();
     let good = |at: &usize| matches!(positions[*at].shade(), Shade::Good(_));
     let values: Vec<f64> = (0..positions.len())
@@ -56,13 +56,13 @@ pub(crate) fn map_over_two_keys(picture: &Picture<'_>, x: &Column, y: &Column) -
         },
     });
     Map {
-        title: picture.title.to_owned(),
+        title: chart.title.to_owned(),
         x_label: axis_label(x),
         y_label: axis_label(y),
         columns: across.iter().map(|value| without_unit(x, value)).collect(),
         rows: down.iter().map(|value| without_unit(y, value)).collect(),
         cells: cells.collect(),
-        legend: legend(picture, &positions, (!values.is_empty()).then_some([low, high]), folded),
+        legend: legend(chart, &positions, (!values.is_empty()).then_some([low, high]), folded),
     }
     .drawing()
 }
@@ -70,13 +70,13 @@ pub(crate) fn map_over_two_keys(picture: &Picture<'_>, x: &Column, y: &Column) -
 /// What the colours and the texts of cells mean; `range` has the lowest and highest value of good cells, `folded` says that a cell
 /// has several points.
 fn legend(
-    picture: &Picture<'_>,
+    chart: &ChartContent<'_>,
     positions: &[PlotPosition<'_>],
     range: Option<[f64; 2]>,
     folded: bool,
 ) -> Vec<(Option<Shade>, String)> {
-    let (mut legend, word) = (Vec::new(), picture.word());
-    let shown = picture.figure.map(|figure| (figure.words(), figure.unit.as_str()));
+    let (mut legend, word) = (Vec::new(), chart.success_name());
+    let shown = chart.figure.map(|figure| (figure.display_name(), figure.unit.as_str()));
     match (&shown, range) {
         (Some((name, unit)), Some(range)) => {
             let text = |value: f64| format!("{word}, {name} {} {unit}", three_digits(value));
