@@ -55,7 +55,7 @@ def check(driver, url, run, screenshots):
     wait_for("the curves grow", lambda: points() > first[0] + 200 and frames() > first[1] + 10)
     button("Pause").click()
     wait_for("it comes to rest", lambda: ", paused" in text())
-    wait_for("it says how its pace is kept", lambda: " of 2 × real time " in text() and "kept" in text())
+    wait_for("it says whether its pace is met", lambda: " of 2 × real time " in text() and "met" in text())
     # The page has the last samples when it next asks for them, which on a busy machine takes a while.
     recorded = lambda: len(curves(run, "position-error")[0])
     newest = lambda: (time.sleep(0.5), (points(), text()))[1]

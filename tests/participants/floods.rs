@@ -1,4 +1,4 @@
-//! Writes to its standard error without end: in its steps, or before the handshake (`floods at-once`).
+//! Writes to standard error without end: in its steps, or before the handshake (`floods at-once`).
 
 use std::process::ExitCode;
 

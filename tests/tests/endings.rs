@@ -192,7 +192,7 @@ fn flood_of_log_lines_is_limited() {
         assert!(
             output
                 .err
-                .contains("`damper`: wrote more than 64 MiB to its standard error"),
+                .contains("`damper`: wrote more than 64 MiB to standard error"),
             "{}",
             &output.err[..200]
         );

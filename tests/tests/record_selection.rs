@@ -168,7 +168,7 @@ fn entries_that_do_not_fit_are_refused_with_file_and_key() {
         (
             "plant.motion = { from = \"3 s\", to = \"2 s\" }",
             "record.plant.motion.to",
-            "nothing would be kept",
+            "nothing would be recorded",
         ),
         (
             "plant.motion = { until = \"2 s\" }",

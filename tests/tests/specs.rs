@@ -280,7 +280,7 @@ fn errors_in_code_name_the_key_the_value_and_the_remedy() {
             |spec| {
                 spec.record.insert("damper".into(), RecordSpec::Nothing);
             },
-            "loop.toml: record.damper.push: says what is kept of one stream, and `damper` of all of them",
+            "loop.toml: record.damper.push: says what is recorded of one stream, and `damper` of all of them",
         ),
         (
             |spec| {

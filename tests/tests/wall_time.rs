@@ -1,4 +1,4 @@
-//! The wall-clock time of a run: how a pace is kept and which participant is late, and a trace of every participant. The tape is
+//! The wall-clock time of a run: whether a pace is met and which participant is late, and a trace of every participant. The tape is
 //! independent of it.
 
 use std::collections::BTreeMap;
@@ -67,7 +67,7 @@ fn missed_pace_is_reported_with_the_late_participant() {
     let output = fixture.run("paced", &["--duration", "1 s", "--real-time=10", "--json"]);
     assert_eq!(output.code, Some(0), "{output:?}");
     assert!(
-        output.err.contains("the pace was not kept")
+        output.err.contains("the pace was not met")
             && output
                 .err
                 .contains("late: `damper` (100 of 100 steps worked for longer"),
@@ -76,7 +76,7 @@ fn missed_pace_is_reported_with_the_late_participant() {
     let summary: Value = serde_json::from_str(&output.out).unwrap();
     let pace = &summary["pace"];
     assert_eq!(
-        (&pace["kept"], &pace["requested"]),
+        (&pace["met"], &pace["requested"]),
         (&Value::Bool(false), &Value::from(10.0)),
         "{pace}"
     );
@@ -116,7 +116,7 @@ fn pace_in_one_loop_is_checked_as_in_processes() {
         (damper.steps, damper.too_long, pace.participants["plant"].steps),
         (10, 10, 100)
     );
-    assert!(!pace.kept && pace.achieved < Some(4.0), "{pace:?}");
+    assert!(!pace.met && pace.achieved < Some(4.0), "{pace:?}");
     assert!(
         damper.lateness_p50_s >= 3e-3 && damper.lateness_largest_s >= 20e-3,
         "{pace:?}"

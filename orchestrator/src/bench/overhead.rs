@@ -14,7 +14,7 @@ pub struct Overhead {
     pub recorded: Measurements,
     /// One process per participant, recorded.
     pub processes: Measurements,
-    /// CPU time in one process: all outputs are computed and their newest samples kept, as for a program that reads them,
+    /// CPU time in one process: all outputs are computed and their newest samples retained, as for a program that reads them,
     /// and nothing else.
     pub own_computed: Measurements,
     /// CPU time in one process, recorded.

@@ -196,7 +196,7 @@ fn run_and_report(
     Ok((outcome.exit_code(), Some(outcome)))
 }
 
-/// Warns if the pace was not kept, or the trace not written.
+/// Warns if the pace was not met, or the trace not written.
 fn warn_of_trace_and_pace(outcome: &Outcome) {
     let warning = outcome.pace.as_ref().and_then(PaceReport::warning);
     let traced = outcome.traced.as_ref();
@@ -318,7 +318,7 @@ fn print_trace(traced: &TraceSummary) {
     }
 }
 
-/// Reports how the run kept pace with the wall clock.
+/// Reports how the run followed the wall clock.
 fn print_pace(pace: &PaceReport) {
     let achieved = pace.achieved.map_or_else(|| "not known".to_owned(), factor);
     println!(

@@ -161,7 +161,7 @@ impl Running {
                 let seen = self.err();
                 let _ = self.child.kill();
                 let _ = self.child.wait();
-                return Err(format!("it hangs; its standard error so far: {seen}"));
+                return Err(format!("it hangs; standard error so far: {seen}"));
             }
             std::thread::sleep(Duration::from_millis(1));
         }

@@ -45,11 +45,11 @@ pub struct Summary {
     pub slosh_joint_max_deg: f64,
     /// Largest momentum in a wheel, N m s.
     pub wheel_momentum_max_n_m_s: f64,
-    /// Largest missing linear momentum, kg m/s.
+    /// Largest residual of the linear momentum balance, kg m/s.
     pub linear_momentum_residual_kg_m_s: f64,
-    /// Largest missing angular momentum, N m s.
+    /// Largest residual of the angular momentum balance, N m s.
     pub angular_momentum_residual_n_m_s: f64,
-    /// Largest missing energy, J.
+    /// Largest residual of the energy balance, J.
     pub energy_residual_j: f64,
     /// Energy lost in impacts, J.
     pub impact_loss_j: f64,
@@ -107,16 +107,16 @@ impl Summary {
             ("thruster impulse", self.thruster_impulse_n_s, "N s"),
             ("of the resulting force", self.net_force_impulse_n_s, "N s"),
             (
-                "missing linear momentum",
+                "linear momentum residual",
                 self.linear_momentum_residual_kg_m_s,
                 "kg m/s",
             ),
             (
-                "missing angular momentum",
+                "angular momentum residual",
                 self.angular_momentum_residual_n_m_s,
                 "N m s",
             ),
-            ("missing energy", self.energy_residual_j, "J"),
+            ("energy residual", self.energy_residual_j, "J"),
         ];
         let line = |(name, value, unit)| format!("       {name:<28} {} {unit}", three_digits(value));
         lines.map(line).into()

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use crate::text::quoted;
 
-/// A participant that writes more than this to its standard error is stopped.
+/// A participant that writes more than this to standard error is stopped.
 pub const LOG_MAX: u64 = 64 << 20;
 /// The longest wait for the end of a log: a process that the participant has started may keep the pipe open indefinitely.
 const COMPLETION_TIMEOUT: Duration = Duration::from_millis(100);
@@ -150,7 +150,7 @@ pub(crate) fn tail_message(log: &Log) -> String {
 
 /// The reason of a failure by a full log.
 pub(crate) fn full_log_reason() -> String {
-    format!("wrote more than {} MiB to its standard error", LOG_MAX >> 20)
+    format!("wrote more than {} MiB to standard error", LOG_MAX >> 20)
 }
 
 #[cfg(test)]

@@ -67,7 +67,7 @@ impl Overrun {
 pub struct Options {
     /// Run all participants in this process.
     pub in_process: bool,
-    /// What is kept of the samples. Running without a folder is possible only in this process.
+    /// What is recorded of the samples. Running without a folder is possible only in this process.
     pub record: Record,
     /// The run folder; chosen under `runs` when not given.
     pub out: Option<PathBuf>,

@@ -167,14 +167,14 @@ pub struct Outcome {
     pub wall_s: f64,
     /// When the orchestrator knew how the run ends.
     pub known: Instant,
-    /// The digest of the tape; `None` when it could not be finished, or when nothing was kept.
+    /// The digest of the tape; `None` when it could not be finished, or when nothing was recorded.
     pub digest: Option<Digest>,
     /// How failures of participants were handled, in the words of the tape's events: where the run went back to, or which program
     /// took over, depends on wall time.
     pub recovered: Vec<String>,
     /// The figures of merit.
     pub figures: Option<crate::assessment::Figures>,
-    /// How the pace of the wall clock was kept, if the run had a pace.
+    /// Whether the pace of the wall clock was met, if the run had a pace.
     pub pace: Option<PaceReport>,
     /// For each stream of which the tape does not have every sample: what it has, in words.
     pub partial: Vec<String>,

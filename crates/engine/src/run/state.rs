@@ -54,7 +54,7 @@ impl RunState {
         self.recorder().newest
     }
 
-    /// Reports to the external control how far the run is, whether all participants are paused at the horizon, and how the pace is kept.
+    /// Reports to the external control how far the run is, whether all participants are paused at the horizon, and the pace so far.
     pub(super) fn report_progress(&mut self, newest: Ticks, resting: bool) {
         self.clock.report_progress(newest, resting);
         if let Some(steering) = &self.options.steering

@@ -29,7 +29,7 @@ impl Scenario {
         report_view::check(&self.view, &self.source, plan, certain)
     }
 
-    /// Which samples of each of `streams`, those of `plan`, are kept; entries for participants whose ports are not `certain` are
+    /// Which samples of each of `streams`, those of `plan`, are recorded; entries for participants whose ports are not `certain` are
     /// left out.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! `[record]`: which samples are kept. Streams that are not named are kept whole.
+//! `[record]`: which samples are recorded. Streams that are not named are recorded whole.
 
 use lockstep::plan::Plan;
 use lockstep::time::{Rational, Timebase};
@@ -39,7 +39,7 @@ pub(super) fn read(
             Err(source.mistake(&format!("record.{participant}"), reason))
         } else if port.is_some() && record.contains_key(participant) {
             let reason =
-                format!("says what is kept of one stream, and `{participant}` of all of them: leave one of them out");
+                format!("says what is recorded of one stream, and `{participant}` of all of them: leave one of them out");
             Err(source.mistake(&format!("record.{key}"), reason))
         } else if let (None, RecordSpec::Part(_)) = (port, part) {
             let reason =
@@ -73,7 +73,7 @@ fn check(source: &SourceContext, key: &str, part: &RecordSpec) -> Result<(), Mis
     }
     match (time(&part.from), time(&part.to)) {
         (Some(from), Some(to)) if to < from => {
-            let reason = format!("{to} is before `from`, {from}: nothing would be kept; write false for that");
+            let reason = format!("{to} is before `from`, {from}: nothing would be recorded; write false for that");
             Err(source.mistake(&format!("{key}.to"), reason))
         }
         _ => Ok(()),
@@ -147,7 +147,7 @@ impl RecordRequest {
     }
 }
 
-/// Which samples of each of `streams`, those of `plan`, are kept; entries for participants whose ports are not `certain` are left
+/// Which samples of each of `streams`, those of `plan`, are recorded; entries for participants whose ports are not `certain` are left
 /// out.
 pub(super) fn kept_samples(
     requests: &[RecordRequest],

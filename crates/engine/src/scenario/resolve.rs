@@ -266,7 +266,7 @@ impl Scenario {
             .map(|guard| (guard.name.as_str(), guard.description()))
     }
 
-    /// Whether every sample is kept.
+    /// Whether every sample is recorded.
     pub fn records_all(&self) -> bool {
         self.record.iter().all(RecordRequest::is_whole)
     }

@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Number of newest messages that are kept.
+/// Number of newest messages that are retained.
 const NEWEST_MAX: usize = 8;
 
 /// Maximum number of messages of one step that are reported.

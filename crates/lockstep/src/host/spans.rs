@@ -3,7 +3,7 @@
 use crate::control::ParticipantEvent;
 use crate::span::{Detail, Span, SpanActivity, core, now_ns};
 
-/// The most spans kept while the recorder has no room for them. Later ones are dropped and counted.
+/// The most spans retained while the recorder has no room for them. Later ones are dropped and counted.
 const CAPACITY: usize = 4096;
 /// Spans in one event, which stays below the size of the longest one.
 const BATCH: usize = 64;

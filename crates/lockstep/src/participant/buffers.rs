@@ -209,7 +209,7 @@ impl Outputs {
         self.payloads[port].bytes_mut()
     }
 
-    /// Whether the current sample of output number `port` is seen: read by an input, kept on the tape, measured, assessed, guarded, or
+    /// Whether the current sample of output number `port` is seen: read by an input, recorded on the tape, measured, assessed, guarded, or
     /// accessible to a program that drives the run. An unseen sample need not be computed: what is written is not recorded, not sent and
     /// not checked.
     ///

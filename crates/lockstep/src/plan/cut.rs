@@ -1,6 +1,6 @@
 //! A cut through a run: the next activation of every participant, and the samples in flight to it.
 //!
-//! Which samples an input still needs is a pure function of the plan, and every sample is on the tape, or kept separately where the tape
+//! Which samples an input still needs is a pure function of the plan, and every sample is on the tape, or retained separately where the tape
 //! omits some. So the queues of the links need not be saved: they are read back. All users of a cut therefore resume in the same way: a
 //! resumed run, a restart after a participant has died, a substitution during the run.
 

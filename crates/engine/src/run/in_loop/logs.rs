@@ -11,7 +11,7 @@ use tape::folder::RunFolder;
 use crate::observer::{Event, Progress};
 use crate::run::log::LOG_MAX;
 
-/// Bytes that are kept of each log in memory: the newest ones.
+/// Bytes that are retained of each log in memory: the newest ones.
 const KEPT_BYTES: usize = 64 << 10;
 
 /// The logs of a run in one process.
@@ -73,7 +73,7 @@ impl SharedLogs {
         self.logs().full.clone()
     }
 
-    /// The logs that are kept in memory, by participant; none of participants whose log is a file.
+    /// The logs that are retained in memory, by participant; none of participants whose log is a file.
     pub(crate) fn in_memory(&self) -> BTreeMap<String, String> {
         let logs = self.logs();
         let some = logs.by_participant.iter().filter(|(_, one)| one.file.is_none());

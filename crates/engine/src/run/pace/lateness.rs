@@ -137,7 +137,7 @@ impl LatenessMonitor {
         PaceReport {
             requested: self.requested,
             achieved,
-            kept: PaceReport::is_kept(self.requested, achieved),
+            met: PaceReport::is_met(self.requested, achieved),
             participants: all.collect(),
         }
     }
@@ -250,7 +250,7 @@ mod tests {
             let pace = monitor.pace_report(&plan);
             let lateness = &pace.participants["a"];
             assert_eq!((lateness.overruns, lateness.too_long, lateness.steps), (0, 0, 52));
-            assert!(lateness.lateness_largest_s <= 5e-3 && pace.kept, "{pace:?}");
+            assert!(lateness.lateness_largest_s <= 5e-3 && pace.met, "{pace:?}");
         }
     }
 

@@ -1,13 +1,13 @@
-//! Figures of how a run kept pace with the wall clock.
+//! Figures of how a run followed the wall clock.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-/// The pace counts as kept if at least this fraction of the requested one was achieved.
-const KEPT_FRACTION: f64 = 0.99;
+/// The pace counts as met if at least this fraction of the requested one was achieved.
+const MET_FRACTION: f64 = 0.99;
 
-/// How a run kept pace with the wall clock. These figures depend on the machine; none of them is on the tape.
+/// How a run followed the wall clock. These figures depend on the machine; none of them is on the tape.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PaceReport {
     /// The requested real-time factor: simulated seconds per second of wall time.
@@ -16,7 +16,7 @@ pub struct PaceReport {
     /// end.
     pub achieved: Option<f64>,
     /// Whether at least 99 % of the requested factor was achieved.
-    pub kept: bool,
+    pub met: bool,
     /// Of each participant.
     pub participants: BTreeMap<String, Lateness>,
 }
@@ -43,14 +43,14 @@ pub struct Lateness {
 }
 
 impl PaceReport {
-    /// Whether the pace is kept with these factors. A run that ends with its first step cannot be behind.
-    pub(crate) fn is_kept(requested: f64, achieved: Option<f64>) -> bool {
-        achieved.is_none_or(|achieved| achieved >= KEPT_FRACTION * requested)
+    /// Whether the pace is met with these factors. A run that ends with its first step cannot be behind.
+    pub(crate) fn is_met(requested: f64, achieved: Option<f64>) -> bool {
+        achieved.is_none_or(|achieved| achieved >= MET_FRACTION * requested)
     }
 
-    /// The message that the pace was not kept, with the participants that were late; `None` if it was kept.
+    /// The message that the pace was not met, with the participants that were late; `None` if it was met.
     pub fn warning(&self) -> Option<String> {
-        if self.kept {
+        if self.met {
             return None;
         }
         let late = |all: &mut dyn Iterator<Item = (&String, u64, u64)>, what: &str| {
@@ -84,7 +84,7 @@ impl PaceReport {
         );
         let achieved = self.achieved.map_or_else(|| "less".to_owned(), factor);
         Some(format!(
-            "the pace was not kept: {achieved} times real time, and {} was requested; {cause}",
+            "the pace was not met: {achieved} times real time, and {} was requested; {cause}",
             factor(self.requested)
         ))
     }

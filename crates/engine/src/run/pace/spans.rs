@@ -14,7 +14,7 @@ use super::traced::TraceSummary;
 use crate::run::options::Options;
 use crate::run::outcome::RunFailure;
 
-/// How often the live page is informed of how the pace is kept.
+/// How often the live page is informed of the pace.
 const UPDATE_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Everything that is derived from spans.
@@ -96,7 +96,7 @@ impl SpanAnalysis {
         self.lateness.as_ref().and_then(LatenessMonitor::stop_reason)
     }
 
-    /// How the pace is kept, for the live page; `None` between two updates.
+    /// The pace so far, for the live page; `None` between two updates.
     pub(crate) fn pace_update(&mut self) -> Option<PaceReport> {
         let lateness = self.lateness.as_ref()?;
         if self

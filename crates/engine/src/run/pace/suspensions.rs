@@ -19,7 +19,7 @@ const READ_INTERVAL: Duration = Duration::from_millis(10);
 /// A process that is not suspended reads the clock at least this often, ns: it gets a core again after some tens of milliseconds even
 /// on the busiest machine, and one with a quota of processor time after at most 100 ms. A shorter suspension counts as lateness.
 const MAX_GAP_NS: u64 = 150_000_000;
-/// How many suspensions are kept: a step is evaluated soon after it is done.
+/// How many suspensions are retained: a step is evaluated soon after it is done.
 const SUSPENSIONS_MAX: usize = 256;
 
 /// Wall time without the time in which this process was suspended.
@@ -33,7 +33,7 @@ struct ClockReadings {
     newest: u64,
     /// The latest suspensions, oldest first: from the last reading before to the first one after.
     latest: VecDeque<(u64, u64)>,
-    /// The duration of those that are no longer kept.
+    /// The duration of those that are no longer retained.
     earlier_ns: u64,
 }
 

@@ -6,7 +6,7 @@ use lockstep::time::Ticks;
 
 use super::suspensions::Suspensions;
 
-/// How many stretches without a pause are kept: a step is evaluated soon after it is done.
+/// How many stretches without a pause are retained: a step is evaluated soon after it is done.
 const STRETCHES: usize = 1024;
 
 /// Keeps simulated time behind a multiple of wall time, counting only wall time in which this process was not suspended and the run

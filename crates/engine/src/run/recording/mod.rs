@@ -1,4 +1,4 @@
-//! Recording of a run: which samples are kept, guarded and written, and where they go.
+//! Recording of a run: which samples are recorded, guarded and written, and where they go.
 
 pub mod faults;
 pub(super) mod guard;

@@ -4,7 +4,7 @@ use lockstep::plan::Observed;
 use lockstep::time::Ticks;
 use tape::StreamSpec;
 
-/// Which samples of a stream are kept.
+/// Which samples of a stream are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RecordedPart(Observed);
 
@@ -19,28 +19,28 @@ impl RecordedPart {
         RecordedPart(Observed { every, first, end })
     }
 
-    /// Whether all samples are kept.
+    /// Whether all samples are recorded.
     pub fn is_whole(self) -> bool {
         self == RecordedPart::WHOLE
     }
 
-    /// Whether no sample is kept.
+    /// Whether no sample is recorded.
     pub fn is_nothing(self) -> bool {
         self == RecordedPart::NOTHING
     }
 
-    /// The samples that are kept.
+    /// The samples that are recorded.
     pub(crate) fn observed(self) -> Observed {
         self.0
     }
 
-    /// The number on the tape of sample `index`, if it is kept.
+    /// The number on the tape of sample `index`, if it is recorded.
     #[inline]
     pub(crate) fn number(self, index: u64) -> Option<u64> {
         self.0.number(index)
     }
 
-    /// How many of the first `samples` samples are kept.
+    /// How many of the first `samples` samples are recorded.
     pub(crate) fn of_first(self, samples: u64) -> u64 {
         let Observed { every, first, end } = self.0;
         samples.div_ceil(every.max(1)).min(end).saturating_sub(first)

@@ -34,7 +34,7 @@ pub(crate) fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u6
 /// Everything that is derived from samples as they arrive.
 pub struct Recorder {
     pub(crate) store: Store,
-    /// Which samples are kept.
+    /// Which samples are recorded.
     pub(crate) tape_mapping: TapeMapping,
     pub(crate) assessment: Option<Box<dyn Assessment>>,
     /// The streams that the assessment reads.

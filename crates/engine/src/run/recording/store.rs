@@ -22,7 +22,7 @@ pub enum Record {
 }
 
 impl Record {
-    /// Whether samples are needed for what is kept.
+    /// Whether samples are needed for what is recorded.
     pub(crate) fn needs_samples(self) -> bool {
         self != Record::Nothing
     }

@@ -5,18 +5,18 @@ use tape::{AppendError, StreamSpec};
 use super::recorded_part::RecordedPart;
 use super::store::Store;
 
-/// Which samples of each stream are kept, and where they go.
+/// Which samples of each stream are recorded, and where they go.
 pub(crate) struct TapeMapping {
-    /// For each stream of the run: which samples are kept, and its number on the tape.
+    /// For each stream of the run: which samples are recorded, and its number on the tape.
     all: Vec<(RecordedPart, usize)>,
-    /// Whether all samples are kept.
+    /// Whether all samples are recorded.
     whole: bool,
     /// The name of each stream and the size of its payloads, where samples are left out.
     left_out: Vec<(String, usize)>,
 }
 
 impl TapeMapping {
-    /// The mapping for `streams`, of which `kept` is kept, and the streams of the tape.
+    /// The mapping for `streams`, of which `kept` is recorded, and the streams of the tape.
     pub(crate) fn new(kept: &[RecordedPart], streams: &[StreamSpec]) -> (TapeMapping, Vec<StreamSpec>) {
         let (mut all, mut specs) = (Vec::new(), Vec::new());
         for (kept, spec) in kept.iter().zip(streams) {
@@ -39,12 +39,12 @@ impl TapeMapping {
         (TapeMapping { all, whole, left_out }, specs)
     }
 
-    /// Whether all samples are kept.
+    /// Whether all samples are recorded.
     pub(crate) fn is_whole(&self) -> bool {
         self.whole
     }
 
-    /// Puts a sample into `store` if it is to be kept.
+    /// Puts a sample into `store` if it is to be recorded.
     #[inline]
     pub(crate) fn put(
         &self,

@@ -1,4 +1,4 @@
-//! `[record]`: which samples are kept.
+//! `[record]`: which samples are recorded.
 
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
@@ -11,7 +11,7 @@ use crate::scenario::error::Mistake;
 /// The prefix of an input in the name of the stream that holds what a participant saw at that input.
 pub(in crate::scenario) const SEEN: &str = "seen";
 
-/// Which samples of a stream, or of all streams of a participant, are kept.
+/// Which samples of a stream, or of all streams of a participant, are recorded.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RecordSpec {
     /// Every sample.
@@ -22,7 +22,7 @@ pub enum RecordSpec {
     Part(RecordPart),
 }
 
-/// Which samples of a stream are kept.
+/// Which samples of a stream are recorded.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordPart {
@@ -53,7 +53,7 @@ impl RecordSpec {
             Value::Table(_) => deserialize_at(origin, key, value).map(RecordSpec::Part),
             other => {
                 let reason = format!(
-                    "{other} does not specify what is kept: write false, true, or a table such as {{ every = \"10 ms\", from = \"2 s\", to = \"5 s\" }}"
+                    "{other} does not specify what is recorded: write false, true, or a table such as {{ every = \"10 ms\", from = \"2 s\", to = \"5 s\" }}"
                 );
                 Err(origin.mistake(key, reason))
             }

@@ -72,8 +72,8 @@ pub struct ScenarioSpec {
     pub scene: Option<Table>,
     /// What a campaign varies: no run depends on it.
     pub campaign: Option<Table>,
-    /// Which samples are kept of a `PARTICIPANT`, a `PARTICIPANT.OUTPUT`, or of what is seen at an input, `PARTICIPANT.seen.INPUT`.
-    /// Streams that are not named are kept whole; for a whole participant only all or nothing can be kept.
+    /// Which samples are recorded of a `PARTICIPANT`, a `PARTICIPANT.OUTPUT`, or of what is seen at an input, `PARTICIPANT.seen.INPUT`.
+    /// Streams that are not named are recorded whole; for a whole participant only all or nothing can be recorded.
     pub record: Entries<RecordSpec>,
     pub(in crate::scenario) origin: Origin,
 }
@@ -153,7 +153,7 @@ impl ScenarioSpec {
         self
     }
 
-    /// Sets which samples are kept of a `PARTICIPANT`, a `PARTICIPANT.OUTPUT` or a `PARTICIPANT.seen.INPUT`.
+    /// Sets which samples are recorded of a `PARTICIPANT`, a `PARTICIPANT.OUTPUT` or a `PARTICIPANT.seen.INPUT`.
     #[must_use]
     pub fn record(mut self, of: &str, part: RecordSpec) -> ScenarioSpec {
         self.record.insert(of.to_owned(), part);

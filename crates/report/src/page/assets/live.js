@@ -90,7 +90,7 @@ class Live {
     if (!pace) return "";
     const late = Object.entries(pace.participants).filter(([, one]) => one.overruns > 0).sort((a, b) => b[1].overruns - a[1].overruns)
       .map(([name, one]) => `${name} overran ${one.overruns} of ${one.steps} steps, p99 ${show(one.lateness_p99_s * 1e3)} ms, largest ${show(one.lateness_largest_s * 1e3)} ms late`);
-    return `; ${pace.achieved === null ? "" : `${show(pace.achieved)} of `}${show(pace.requested)} × real time ${pace.kept ? "kept" : "not kept"}` + (late.length ? ": " + late.join("; ") : "");
+    return `; ${pace.achieved === null ? "" : `${show(pace.achieved)} of `}${show(pace.requested)} × real time ${pace.met ? "met" : "not met"}` + (late.length ? ": " + late.join("; ") : "");
   }
 
   /** What the server refused stays to be read for a while. */
