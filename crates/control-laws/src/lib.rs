@@ -26,6 +26,31 @@
 //! A law is a struct built by `new` from validated parameters and advanced by `step`. It uses no process, file, clock or log, and `step`
 //! does not allocate. Its complete state is returned by `state()` as plain arrays; `from_state` continues bit for bit. All matrices have
 //! static sizes and sines come from `libm`, so the same inputs give the same bits on every machine.
+//!
+//! # Example
+//!
+//! A wheel gives at most 0.2 N m, so that the thruster couples give the rest of a torque about x:
+//!
+//! ```
+//! use control_laws::Dof;
+//! use control_laws::allocation::{Allocation, AllocationParameters};
+//! use nalgebra::Vector3;
+//!
+//! let parameters = AllocationParameters {
+//!     wheel_torque_nm: Vector3::repeat(0.2),
+//!     wheel_momentum_nms: Vector3::repeat(12.0),
+//!     thruster_force_n: Vector3::repeat(9.0),
+//!     lever_arm_m: Vector3::repeat(0.5),
+//!     unload_rate_1_s: 0.0,
+//!     unload_above_nms: 6.0,
+//! };
+//! let mut command = Dof::zeros();
+//! command[0] = 1.0;
+//! let allocation = Allocation::of(Some(&parameters), &command, &Vector3::zeros());
+//! assert_eq!(allocation.wheel_torque.x, 0.2);
+//! assert_eq!(allocation.thruster_torque.x, 0.8);
+//! assert_eq!(allocation.missing_torque, Vector3::zeros());
+//! ```
 #![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
 
 pub mod allocation;

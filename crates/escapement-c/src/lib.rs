@@ -26,7 +26,7 @@ pub unsafe extern "C" fn escapement_participant_main(
     table: *const Table,
 ) -> c_int {
     let _ = (argc, argv);
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees what `plugin::host` requires of the table.
     let ended = catch_unwind(AssertUnwindSafe(|| unsafe { plugin::host(table) }));
     let code = ended.unwrap_or(ExitCode::FAILURE);
     // An `ExitCode` does not expose its number.

@@ -25,7 +25,8 @@ pub unsafe fn call(
     even_if_failed: bool,
     work: impl FnOnce(&mut Instance) -> Result<(), Refusal>,
 ) -> c_int {
-    // SAFETY: as the caller says; an importer calls an instance from one thread at a time.
+    // SAFETY: the caller guarantees that it is null or was not freed; an importer calls an instance from one thread at a time, so that
+    // nothing else refers to it.
     let Some(instance) = (unsafe { pointer.cast::<Instance>().as_mut() }) else {
         return Status::Error as c_int;
     };
@@ -77,7 +78,7 @@ pub unsafe fn text(at: *const c_char) -> String {
     if at.is_null() {
         return String::new();
     }
-    // SAFETY: as the caller says.
+    // SAFETY: it is not null, so the caller guarantees a zero byte at its end.
     unsafe { CStr::from_ptr(at) }.to_string_lossy().into_owned()
 }
 
@@ -89,7 +90,7 @@ pub unsafe fn list<'a, T>(at: *const T, count: usize) -> &'a [T] {
     if at.is_null() || count == 0 {
         return &[];
     }
-    // SAFETY: as the caller says.
+    // SAFETY: it is not null, so the caller guarantees `count` elements.
     unsafe { std::slice::from_raw_parts(at, count) }
 }
 
@@ -99,7 +100,7 @@ pub unsafe fn list<'a, T>(at: *const T, count: usize) -> &'a [T] {
 /// As for [`call`]; `categories` has `count` elements, which end with a zero byte.
 pub unsafe fn set_debug_logging(pointer: Pointer, on: bool, categories: *const *const c_char, count: usize) -> c_int {
     let work = |instance: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: each of the `count` categories ends with a zero byte, as the caller guarantees.
         let wanted: Vec<String> = unsafe { list(categories, count).iter().map(|at| text(*at)).collect() };
         if let Some(unknown) = wanted.iter().find(|name| !CATEGORIES.contains(&name.as_str())) {
             let all = CATEGORIES.join(", ");
@@ -110,14 +111,15 @@ pub unsafe fn set_debug_logging(pointer: Pointer, on: bool, categories: *const *
         instance.set_forwards_log(on && (wanted.is_empty() || wanted.iter().any(|name| name == MESSAGES)));
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, true, work) }
 }
 
 /// Reads variables into memory of the importer, which has room for `room` values, or for one per variable if `room` is not given.
 ///
 /// # Safety
-/// The lists are as long as they say.
+/// `pointer` is as for [`call`]; `references` has `count` elements; the memory of the importer has room for, or has, `room` values of the
+/// type `native`.
 pub unsafe fn get(
     pointer: Pointer,
     native: Native,
@@ -126,7 +128,7 @@ pub unsafe fn get(
     room: usize,
 ) -> c_int {
     let work = |instance: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that there are `count` references.
         let references = unsafe { list(references, count) };
         let values = check_value_count(instance, references, native, room)?;
         let mut bytes = vec![0; values * native.size()];
@@ -135,7 +137,7 @@ pub unsafe fn get(
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), to.cast::<u8>(), bytes.len()) };
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, false, work) }
 }
 
@@ -151,14 +153,14 @@ pub unsafe fn set(
     room: usize,
 ) -> c_int {
     let work = |instance: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that there are `count` references.
         let references = unsafe { list(references, count) };
         let values = check_value_count(instance, references, native, room)?;
         // SAFETY: there are as many values.
         let bytes = unsafe { list(from.cast::<u8>(), values * native.size()) };
         instance.set(references, native, bytes)
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, false, work) }
 }
 
@@ -182,7 +184,7 @@ pub unsafe fn get_texts(
     room: usize,
 ) -> c_int {
     let work = |instance: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that there are `count` references.
         let references = unsafe { list(references, count) };
         check_value_count(instance, references, Native::Text, room)?;
         let texts = instance.get_texts(references)?;
@@ -192,14 +194,14 @@ pub unsafe fn get_texts(
         }
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, false, work) }
 }
 
 /// Sets texts.
 ///
 /// # Safety
-/// As for [`get`].
+/// As for [`get`]; each of the texts is null, or ends with a zero byte.
 pub unsafe fn set_texts(
     pointer: Pointer,
     (references, count): (*const u32, usize),
@@ -207,27 +209,27 @@ pub unsafe fn set_texts(
     room: usize,
 ) -> c_int {
     let work = |instance: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that there are `count` references.
         let references = unsafe { list(references, count) };
         check_value_count(instance, references, Native::Text, room)?;
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees `room` texts.
         let texts = unsafe { list(from, room) };
         let bytes = |at: &*const c_char| match at.is_null() {
             true => &[][..],
-            // SAFETY: as the caller says.
+            // SAFETY: a text that is not null ends with a zero byte, as the caller guarantees.
             false => unsafe { CStr::from_ptr(*at) }.to_bytes(),
         };
         let contents: Vec<&[u8]> = texts.iter().map(bytes).collect();
         instance.set_contents(references, Native::Text, &contents)
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, false, work) }
 }
 
 /// Reads binary variables, and their sizes into `sizes`.
 ///
 /// # Safety
-/// As for [`get`].
+/// As for [`get`]; `sizes` has room for `room` sizes.
 pub unsafe fn get_binaries(
     pointer: Pointer,
     (references, count): (*const u32, usize),
@@ -236,7 +238,7 @@ pub unsafe fn get_binaries(
     room: usize,
 ) -> c_int {
     let work = |instance: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that there are `count` references.
         let references = unsafe { list(references, count) };
         check_value_count(instance, references, Native::Binary, room)?;
         for (number, bytes) in instance.get_binaries(references)?.iter().enumerate() {
@@ -248,14 +250,14 @@ pub unsafe fn get_binaries(
         }
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, false, work) }
 }
 
 /// Sets binary variables.
 ///
 /// # Safety
-/// As for [`get`].
+/// As for [`get`]; there are `room` sizes, and each pointer is null or has as many bytes as its size states.
 pub unsafe fn set_binaries(
     pointer: Pointer,
     (references, count): (*const u32, usize),
@@ -264,49 +266,49 @@ pub unsafe fn set_binaries(
     room: usize,
 ) -> c_int {
     let work = |instance: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that there are `count` references.
         let references = unsafe { list(references, count) };
         check_value_count(instance, references, Native::Binary, room)?;
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees `room` sizes and as many pointers.
         let (sizes, pointers) = unsafe { (list(sizes, room), list(from, room)) };
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that each pointer has as many bytes as its size states.
         let each = sizes.iter().zip(pointers).map(|(size, at)| unsafe { list(*at, *size) });
         let contents: Vec<&[u8]> = each.collect();
         instance.set_contents(references, Native::Binary, &contents)
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, false, work) }
 }
 
 /// Saves the state: into the one that `out` points to, or into a new one.
 ///
 /// # Safety
-/// `out` points to null or a state of this FMU.
+/// `pointer` is as for [`call`]; `out` points to null or a state of this FMU.
 pub unsafe fn save(pointer: Pointer, out: *mut Pointer) -> c_int {
     let work = |instance: &mut Instance| {
         let state = Box::new(instance.save()?);
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that `out` points to null or to a state of this FMU, and can be written.
         unsafe {
             free_state(out);
             out.write(Box::into_raw(state).cast());
         }
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, false, work) }
 }
 
 /// Restores a state.
 ///
 /// # Safety
-/// `state` is null, or a state of this FMU.
+/// `pointer` is as for [`call`]; `state` is null, or a state of this FMU.
 pub unsafe fn restore(pointer: Pointer, state: Pointer) -> c_int {
     let work = |instance: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that the state is null or was saved by this FMU and not freed.
         let state = unsafe { state.cast::<SavedState>().as_ref() };
         instance.restore(state.ok_or_else(|| Refusal::error("there is no state (NULL)"))?)
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, true, work) }
 }
 
@@ -315,7 +317,7 @@ pub unsafe fn restore(pointer: Pointer, state: Pointer) -> c_int {
 /// # Safety
 /// As for [`save`].
 pub unsafe fn free_state(out: *mut Pointer) {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `out` is null or points to null or to a state, which `save` has boxed.
     unsafe {
         if !out.is_null() && !(*out).is_null() {
             drop(Box::from_raw((*out).cast::<SavedState>()));
@@ -327,14 +329,14 @@ pub unsafe fn free_state(out: *mut Pointer) {
 /// Passes the bytes of a state, or their number, to `work`.
 ///
 /// # Safety
-/// `state` is null, or a state of this FMU; `work` is called at most once.
+/// `pointer` is as for [`call`]; `state` is null, or a state of this FMU; `work` is called at most once.
 pub unsafe fn state_bytes(pointer: Pointer, state: Pointer, work: impl FnOnce(&[u8]) -> Result<(), Refusal>) -> c_int {
     let work = |_: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that the state is null or was saved by this FMU and not freed.
         let state = unsafe { state.cast::<SavedState>().as_ref() };
         work(state.ok_or_else(|| Refusal::error("there is no state (NULL)"))?.bytes())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, true, work) }
 }
 
@@ -343,7 +345,7 @@ pub unsafe fn state_bytes(pointer: Pointer, state: Pointer, work: impl FnOnce(&[
 /// # Safety
 /// As for [`state_bytes`]; `size` can be written.
 pub unsafe fn state_size(pointer: Pointer, state: Pointer, size: *mut usize) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that the instance and the state are null or were not freed, and that `size` can be written.
     unsafe {
         state_bytes(pointer, state, |bytes| {
             size.write(bytes.len());
@@ -357,7 +359,7 @@ pub unsafe fn state_size(pointer: Pointer, state: Pointer, size: *mut usize) -> 
 /// # Safety
 /// As for [`state_bytes`]; `to` has room for `room` bytes.
 pub unsafe fn serialise(pointer: Pointer, state: Pointer, to: *mut u8, room: usize) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that the instance and the state are null or were not freed; `to` has room for the bytes, as is checked.
     unsafe {
         state_bytes(pointer, state, |bytes| {
             if room < bytes.len() {
@@ -373,19 +375,19 @@ pub unsafe fn serialise(pointer: Pointer, state: Pointer, to: *mut u8, room: usi
 /// Makes a state from bytes.
 ///
 /// # Safety
-/// `from` has `size` bytes; `out` as for [`save`].
+/// `pointer` and `out` are as for [`save`]; `from` has `size` bytes.
 pub unsafe fn deserialise(pointer: Pointer, from: *const u8, size: usize, out: *mut Pointer) -> c_int {
     let work = |_: &mut Instance| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees `size` bytes.
         let state = Box::new(SavedState::of_bytes(unsafe { list(from, size) })?);
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that `out` points to null or to a state of this FMU, and can be written.
         unsafe {
             free_state(out);
             out.write(Box::into_raw(state).cast());
         }
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, true, work) }
 }
 
@@ -399,7 +401,7 @@ pub unsafe fn unsupported(pointer: Pointer, name: &str) -> c_int {
             "{name} is not there: it is an FMU for co-simulation without event mode, clocks, derivatives and structural parameters"
         )))
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or an instance that was not freed.
     unsafe { call(pointer, true, work) }
 }
 

@@ -22,7 +22,7 @@ pub unsafe fn export_by(
     context: *mut c_void,
     say: Say,
 ) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that the request ends with a zero byte.
     let request = unsafe { text(request) };
     let done = catch_unwind(AssertUnwindSafe(|| match toml::from_str::<Request>(&request) {
         Ok(request) => match export(&catalogue(), &request) {
@@ -33,7 +33,7 @@ pub unsafe fn export_by(
     }));
     let (code, text) = done.unwrap_or_else(|_| (1, "the export panicked".to_owned()));
     let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `say` may be called with `context`; the text lives until it returns.
     unsafe { say(context, c_int::from(code != 0), text.as_ptr()) };
     code
 }

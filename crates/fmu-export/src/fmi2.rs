@@ -29,7 +29,8 @@ pub struct Callbacks {
 /// `fmi2Instantiate`.
 ///
 /// # Safety
-/// The arguments are as the standard says.
+/// The texts are null, or end with a zero byte; `callbacks` is null, or points to callbacks of the standard, which may be called until the
+/// instance is freed.
 pub unsafe fn instantiate(
     catalogue: fn() -> Arc<Catalogue>,
     name: *const c_char,
@@ -38,7 +39,7 @@ pub unsafe fn instantiate(
     resources: *const c_char,
     callbacks: *const Callbacks,
 ) -> Pointer {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `out` points to null or to a state of this FMU, and can be written.
     let (name, token, resources, callbacks) = unsafe {
         (
             call::text(name),
@@ -84,7 +85,7 @@ pub unsafe fn instantiate(
 /// # Safety
 /// As for [`call::call`].
 pub unsafe fn set_up(instance: Pointer, start: f64) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, |own| own.set_up(start)) }
 }
 
@@ -93,7 +94,7 @@ pub unsafe fn set_up(instance: Pointer, start: f64) -> c_int {
 /// # Safety
 /// As for [`call::call`].
 pub unsafe fn enter(instance: Pointer) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, Instance::enter_initialisation) }
 }
 
@@ -102,7 +103,7 @@ pub unsafe fn enter(instance: Pointer) -> c_int {
 /// # Safety
 /// As for [`call::call`].
 pub unsafe fn exit(instance: Pointer) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, Instance::exit_initialisation) }
 }
 
@@ -111,7 +112,7 @@ pub unsafe fn exit(instance: Pointer) -> c_int {
 /// # Safety
 /// As for [`call::call`].
 pub unsafe fn terminate(instance: Pointer) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, Instance::terminate) }
 }
 
@@ -124,7 +125,7 @@ pub unsafe fn reset(instance: Pointer) -> c_int {
         own.reset();
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, true, work) }
 }
 
@@ -133,7 +134,7 @@ pub unsafe fn reset(instance: Pointer) -> c_int {
 /// # Safety
 /// As for [`call::get`].
 pub unsafe fn get(instance: Pointer, native: Native, references: *const u32, count: usize, to: *mut c_void) -> c_int {
-    // SAFETY: as the caller says; FMI 2.0 has scalars only.
+    // SAFETY: the caller guarantees `count` references and values; FMI 2.0 has scalars only.
     unsafe { call::get(instance, native, (references, count), to, count) }
 }
 
@@ -148,7 +149,7 @@ pub unsafe fn set(
     count: usize,
     from: *const c_void,
 ) -> c_int {
-    // SAFETY: as the caller says; FMI 2.0 has scalars only.
+    // SAFETY: the caller guarantees `count` references and values; FMI 2.0 has scalars only.
     unsafe { call::set(instance, native, (references, count), from, count) }
 }
 
@@ -157,7 +158,7 @@ pub unsafe fn set(
 /// # Safety
 /// As for [`call::call`].
 pub unsafe fn step(instance: Pointer, from: f64, span: f64) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, |own| own.step(from, span)) }
 }
 
@@ -172,11 +173,11 @@ pub unsafe fn real_status(instance: Pointer, which: c_int, value: *mut f64) -> c
                 "there is no such status: steps are done when fmi2DoStep returns",
             ));
         }
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that `value` can be written.
         unsafe { value.write(own.time()) };
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, true, work) }
 }
 
@@ -189,11 +190,11 @@ pub unsafe fn boolean_status(instance: Pointer, which: c_int, value: *mut c_int)
         if which != TERMINATED {
             return Err(Refusal::discard("there is no such status"));
         }
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that `value` can be written.
         unsafe { value.write(c_int::from(own.is_over())) };
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, true, work) }
 }
 
@@ -207,6 +208,6 @@ pub unsafe fn no_status(instance: Pointer) -> c_int {
             "nothing is pending: steps are done when fmi2DoStep returns",
         ))
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, true, work) }
 }

@@ -18,7 +18,8 @@ const DEPENDENT: c_int = 5;
 /// `fmi3InstantiateCoSimulation`.
 ///
 /// # Safety
-/// The arguments are as the standard says.
+/// `token` and `resources` are null, or end with a zero byte; `logger` has the type of the standard and may be called with `environment`
+/// until the instance is freed.
 pub unsafe fn instantiate(
     catalogue: fn() -> Arc<Catalogue>,
     token: *const c_char,
@@ -26,7 +27,7 @@ pub unsafe fn instantiate(
     environment: *mut c_void,
     logger: Option<LoggerFmi3>,
 ) -> Pointer {
-    // SAFETY: as the caller says.
+    // SAFETY: the importer's strings are null or end with a zero byte, and its callbacks live as long as the instance.
     let (token, resources) = unsafe { (call::text(token), call::text(resources)) };
     let log = Log::Fmi3(logger, environment);
     if let Err(text) = call::check_processor() {
@@ -70,7 +71,7 @@ pub unsafe fn enter(instance: Pointer, start: f64) -> c_int {
         own.set_up(start)?;
         own.enter_initialisation()
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, work) }
 }
 
@@ -86,7 +87,7 @@ pub unsafe fn get(
     to: *mut c_void,
     room: usize,
 ) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees the lists and the room that `call::get` and `call::set` require.
     unsafe { call::get(instance, native, (references, count), to, room) }
 }
 
@@ -102,7 +103,7 @@ pub unsafe fn set(
     from: *const c_void,
     room: usize,
 ) -> c_int {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees the lists and the room that `call::get` and `call::set` require.
     unsafe { call::set(instance, native, (references, count), from, room) }
 }
 
@@ -115,14 +116,14 @@ pub unsafe fn none_of(instance: Pointer, what: &str, count: usize) -> c_int {
         0 => Ok(()),
         _ => Err(Refusal::error(format!("it has no variables of the type {what}"))),
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, work) }
 }
 
 /// `fmi3DoStep`.
 ///
 /// # Safety
-/// As for [`call::call`]; all places can be written.
+/// As for [`call::call`]; each place is null, or can be written.
 pub unsafe fn step(
     instance: Pointer,
     from: f64,
@@ -134,7 +135,7 @@ pub unsafe fn step(
 ) -> c_int {
     let work = |own: &mut Instance| {
         let done = own.step(from, span);
-        // SAFETY: as the caller says; some importers pass null for results that they do not need.
+        // SAFETY: the caller guarantees that each place can be written if it is not null; some importers pass null for results that they do not need.
         unsafe {
             if let Some(event) = event.as_mut() {
                 *event = false;
@@ -151,7 +152,7 @@ pub unsafe fn step(
         }
         done
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, work) }
 }
 
@@ -162,11 +163,11 @@ pub unsafe fn step(
 pub unsafe fn dependency_count(instance: Pointer, reference: u32, count: *mut usize) -> c_int {
     let work = |own: &mut Instance| {
         let found = own.dependencies(reference)?;
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that `count` can be written.
         unsafe { count.write(found.len()) };
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, work) }
 }
 
@@ -192,7 +193,7 @@ pub unsafe fn dependencies(
             return Err(Refusal::error(text));
         }
         for (number, independent) in found.into_iter().enumerate() {
-            // SAFETY: as the caller says. Element 0 stands for all elements.
+            // SAFETY: the caller guarantees that each list has room for `room` elements. Element 0 stands for all elements.
             unsafe {
                 element.add(number).write(0);
                 independents.add(number).write(independent);
@@ -202,6 +203,6 @@ pub unsafe fn dependencies(
         }
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `instance` is null or was not freed.
     unsafe { call::call(instance, false, work) }
 }

@@ -153,7 +153,7 @@ macro_rules! functions {
             #[unsafe(no_mangle)]
             #[allow(non_snake_case, clippy::too_many_arguments, clippy::allow_attributes, reason = "the standard's")]
             unsafe extern "C" fn $name($($argument: $type),*) $(-> $result)? {
-                // SAFETY: the arguments are as the standard says: the importer is responsible for them.
+                // SAFETY: an importer passes the arguments that the standard prescribes, which are the conditions of what is called.
                 #[allow(unused_unsafe, reason = "a few call nothing")]
                 unsafe { $call }
             }

@@ -3,6 +3,25 @@
 //! A [`Model`] is an FMU file: archive and description; none of its code is executed. [`participant`] creates a participant
 //! that unpacks, loads and steps it. ZIP archives and model descriptions are untrusted input and are checked; the library
 //! in an FMU is native code with all rights of its process, so a run gives it a separate process.
+//!
+//! # Example
+//!
+//! ```no_run
+//! let model = fmu::Model::open("tank.fmu".as_ref())?;
+//! for variable in &model.description.variables {
+//!     println!("{}", variable.name);
+//! }
+//! let inspection = fmu::inspect("tank.fmu".as_ref())?;
+//! println!("{}", inspection.scenario);
+//! # Ok::<(), fmu::FmuError>(())
+//! ```
+//!
+//! A file that is no FMU is an error that names it:
+//!
+//! ```
+//! let error = fmu::Model::read("tank.fmu".into(), b"no archive".to_vec()).unwrap_err();
+//! assert!(error.to_string().contains("tank.fmu"));
+//! ```
 
 mod abi;
 mod aliases;

@@ -152,7 +152,7 @@ fn catch_failure(host: *const Host, work: impl FnOnce() -> Result<(), String>) -
 /// # Safety
 /// `own` must be the pointer that `describe` returned.
 unsafe fn instance_at<'a>(own: *mut c_void) -> &'a mut PluginInstance {
-    // SAFETY: guaranteed by the caller; the host's calls are sequential.
+    // SAFETY: the caller guarantees the pointer of `describe`; the host's calls are sequential, so nothing else refers to it.
     unsafe { &mut *own.cast::<PluginInstance>() }
 }
 

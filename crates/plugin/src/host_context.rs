@@ -201,7 +201,7 @@ unsafe fn with_data(host: *const Host, work: impl FnOnce(&HostData) -> Status) -
 /// # Safety
 /// As for [`table::text`].
 unsafe fn foreign_text<'a>(at: *const c_char) -> Option<&'a str> {
-    // SAFETY: guaranteed by the caller.
+    // SAFETY: the caller guarantees that it is null or ends with a zero byte.
     unsafe { table::text(at) }
 }
 
@@ -233,7 +233,7 @@ unsafe fn port(
         if !data.describing.get() {
             return data.fail("ports can be added in `describe` only");
         }
-        // SAFETY: guaranteed by the caller.
+        // SAFETY: the name is null or ends with a zero byte and the message satisfies the ABI, as the caller guarantees.
         let (name, descriptor) = unsafe { (foreign_text(name), descriptor(message)) };
         let Some(name) = name else {
             return data.refuse_ports(format!("an {what} has no name (it is NULL, or not UTF-8)"));
@@ -244,7 +244,7 @@ unsafe fn port(
         }
         OK
     };
-    // SAFETY: guaranteed by the caller.
+    // SAFETY: the caller guarantees that the host is null or the one that it was given.
     unsafe { with_data(host, work) }
 }
 
@@ -271,7 +271,7 @@ unsafe extern "C" fn output(host: *const Host, name: *const c_char, message: *co
 /// # Safety
 /// As for [`table::text`].
 unsafe fn key<'a>(key: *const c_char) -> Result<&'a str, ParameterError> {
-    // SAFETY: guaranteed by the caller.
+    // SAFETY: the caller guarantees that the key is null or ends with a zero byte.
     unsafe { foreign_text(key) }.ok_or_else(|| {
         ParameterError::new(
             crate::NO_PARTICIPANT,
@@ -447,7 +447,7 @@ unsafe fn draw(host: *const Host, stream: *const c_char, number: impl FnOnce(&St
         drawn = number(&Stream::new(data.seed, name));
         OK
     };
-    // SAFETY: guaranteed by the caller.
+    // SAFETY: the caller guarantees that the host is null or the one that it was given.
     unsafe { with_data(host, work) };
     drawn
 }

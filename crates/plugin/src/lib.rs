@@ -40,7 +40,7 @@ pub use parameters::{Found, NO_PARTICIPANT, Parameters};
 /// `table` must be null, or point to a table whose first two fields can be read, and all of it if they are right; it must exist as long
 /// as the program.
 pub unsafe fn host(table: *const table::Table) -> ExitCode {
-    // SAFETY: guaranteed by the caller.
+    // SAFETY: the caller guarantees that it is null or that its first two fields can be read, and all of it if they are right.
     let checked = unsafe { table::check(table) };
     let own = foreign_calls::FloatModes::take();
     if let Ok(table) = &checked {

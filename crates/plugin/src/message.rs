@@ -30,7 +30,7 @@ pub(crate) unsafe fn descriptor(message: *const Message) -> Result<Descriptor, S
     if message.is_null() {
         return Err("its message is NULL".into());
     }
-    // SAFETY: guaranteed by the caller.
+    // SAFETY: it is not null, so the caller guarantees that it satisfies the ABI.
     let message = unsafe { &*message };
     // SAFETY: as above.
     let name = unsafe { table::text(message.name) }.ok_or("its message has no name (it is NULL, or not UTF-8)")?;

@@ -347,7 +347,7 @@ impl Table {
 /// # Safety
 /// As for [`text`].
 pub(crate) unsafe fn lossy_text<'a>(at: *const c_char) -> Option<Cow<'a, str>> {
-    // SAFETY: guaranteed by the caller, unless it is null.
+    // SAFETY: read only if it is not null; then the caller guarantees a zero byte at its end.
     (!at.is_null()).then(|| unsafe { CStr::from_ptr(at) }.to_string_lossy())
 }
 
@@ -359,6 +359,6 @@ pub(crate) unsafe fn text<'a>(at: *const c_char) -> Option<&'a str> {
     if at.is_null() {
         return None;
     }
-    // SAFETY: guaranteed by the caller.
+    // SAFETY: it is not null, so the caller guarantees a zero byte at its end.
     unsafe { CStr::from_ptr(at) }.to_str().ok()
 }

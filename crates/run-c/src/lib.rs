@@ -80,7 +80,7 @@ macro_rules! functions {
         $(
             #[unsafe(no_mangle)]
             unsafe extern "C" fn $name($($argument: $type),*) $(-> $result)? {
-                // SAFETY: the arguments are as the header says: the caller is responsible for them.
+                // SAFETY: a program in C passes the arguments that the header prescribes, which are the conditions of what is called.
                 #[allow(unused_unsafe, reason = "one calls nothing")]
                 unsafe { $call }
             }

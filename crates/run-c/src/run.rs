@@ -89,7 +89,7 @@ pub(crate) unsafe fn text<'a>(at: *const c_char, what: &str) -> Result<&'a str, 
     if at.is_null() {
         return Err(format!("{what} is NULL"));
     }
-    // SAFETY: as the caller says.
+    // SAFETY: it is not null, so the caller guarantees a zero byte at its end.
     let text = unsafe { CStr::from_ptr(at) };
     text.to_str().map_err(|_| format!("{what} is not UTF-8"))
 }
@@ -99,7 +99,7 @@ pub(crate) unsafe fn text<'a>(at: *const c_char, what: &str) -> Result<&'a str, 
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
 pub(crate) unsafe fn with_run(pointer: *mut Run, work: impl FnOnce(&mut Run) -> Result<(), String>) -> i32 {
-    // SAFETY: as the caller says.
+    // SAFETY: the pointer is null or a run that was not freed; only one thread calls a run, so nothing else refers to it.
     let Some(own) = (unsafe { pointer.as_mut() }) else {
         return FAILED;
     };
@@ -123,7 +123,7 @@ pub(crate) unsafe fn with_active_run(pointer: *mut Run, work: impl FnOnce(&mut r
         let run = own.run.as_mut();
         work(run.ok_or("there is no run any more: it was ended, or could not be started")?)
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_run(pointer, work) }
 }
 
@@ -134,7 +134,7 @@ pub(crate) fn error_text(failure: impl ToString) -> String {
 /// `escapement_run_start`.
 ///
 /// # Safety
-/// The arguments are as the header says.
+/// `scenario` is null, or ends with a zero byte; `options` is as for [`run_options`]; `place` is null, or can be written.
 pub unsafe fn start(
     catalogue: fn() -> Arc<Catalogue>,
     scenario: *const c_char,
@@ -145,10 +145,10 @@ pub unsafe fn start(
         return FAILED;
     }
     let pointer = Box::into_raw(Box::<Run>::default());
-    // SAFETY: as the caller says.
+    // SAFETY: it is not null, and the caller guarantees that it can be written.
     unsafe { place.write(pointer) };
     let work = |own: &mut Run| {
-        // SAFETY: as the caller says.
+        // SAFETY: the name ends with a zero byte, and the options are valid, as the caller guarantees.
         let (file, (options, changes)) =
             unsafe { (text(scenario, "the name of the scenario")?, run_options(options)?) };
         let scenario = Scenario::read(&catalogue(), Path::new(file), &changes).map_err(error_text)?;
@@ -162,7 +162,7 @@ pub unsafe fn start(
 /// The options and changes that the caller's options denote.
 ///
 /// # Safety
-/// `options` is null, or as the header says.
+/// `options` is null, or begins with its size; its folder and each of its `change_count` changes end with a zero byte.
 unsafe fn run_options(options: *const Options) -> Result<(run::Options, Vec<String>), String> {
     let mut chosen = run::Options {
         in_process: true,
@@ -170,7 +170,7 @@ unsafe fn run_options(options: *const Options) -> Result<(run::Options, Vec<Stri
         no_placement: true,
         ..run::Options::default()
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the options are null or valid, and do not change during the call.
     let Some(own) = (unsafe { options.as_ref() }) else {
         return Ok((chosen, Vec::new()));
     };
@@ -188,7 +188,7 @@ unsafe fn run_options(options: *const Options) -> Result<(run::Options, Vec<Stri
         other => return Err(format!("the options ask for the record {other}; there are 0, 1 and 2")),
     };
     if !own.folder.is_null() {
-        // SAFETY: as the caller says.
+        // SAFETY: the folder of valid options ends with a zero byte.
         chosen.out = Some(unsafe { text(own.folder, "the folder") }?.into());
     }
     let mut changes = Vec::new();
@@ -207,7 +207,7 @@ unsafe fn run_options(options: *const Options) -> Result<(run::Options, Vec<Stri
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
 pub unsafe fn error(pointer: *const Run) -> *const c_char {
-    // SAFETY: as the caller says.
+    // SAFETY: the pointer is null or a run that was not freed; only one thread calls a run, so nothing else refers to it.
     unsafe { pointer.as_ref() }.map_or(c"there is no run (NULL)".as_ptr(), |own| own.error.as_ptr())
 }
 
@@ -216,7 +216,7 @@ pub unsafe fn error(pointer: *const Run) -> *const c_char {
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
 pub unsafe fn now(pointer: *const Run) -> f64 {
-    // SAFETY: as the caller says.
+    // SAFETY: the pointer is null or a run that was not freed; only one thread calls a run, so nothing else refers to it.
     let run = unsafe { pointer.as_ref() }.and_then(|own| own.run.as_ref());
     run.map_or(f64::NAN, run::Run::now_s)
 }
@@ -226,7 +226,7 @@ pub unsafe fn now(pointer: *const Run) -> f64 {
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
 pub unsafe fn is_over(pointer: *const Run) -> u32 {
-    // SAFETY: as the caller says.
+    // SAFETY: the pointer is null or a run that was not freed; only one thread calls a run, so nothing else refers to it.
     let run = unsafe { pointer.as_ref() }.and_then(|own| own.run.as_ref());
     u32::from(run.is_none_or(run::Run::is_over))
 }
@@ -236,7 +236,7 @@ pub unsafe fn is_over(pointer: *const Run) -> u32 {
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
 pub unsafe fn to(pointer: *mut Run, time: f64) -> i32 {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_active_run(pointer, |run| run.run_to(exact(time)?).map_err(error_text)) }
 }
 
@@ -245,35 +245,35 @@ pub unsafe fn to(pointer: *mut Run, time: f64) -> i32 {
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
 pub unsafe fn step(pointer: *mut Run) -> i32 {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_active_run(pointer, |run| run.step().map_err(error_text)) }
 }
 
 /// `escapement_run_newest`.
 ///
 /// # Safety
-/// As the header says.
+/// `pointer` is null, or a run that was not freed; `port` is null, or ends with a zero byte; `place` is as for [`write_sample`].
 pub unsafe fn newest(pointer: *mut Run, port: *const c_char, place: *mut Sample) -> i32 {
     let work = |own: &mut Run| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that each name is null or ends with a zero byte.
         let port = unsafe { text(port, "the name of the output") }?;
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that `place` is null or a sample of the size that it states.
         unsafe { write_sample(own, place, |run| run.newest(port)) }
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_run(pointer, work) }
 }
 
 /// Puts the sample that `find` finds into `place`.
 ///
 /// # Safety
-/// `place` is null, or begins with its size.
+/// `place` is null, or a sample that begins with its size and has as many bytes; nothing else refers to it.
 pub(crate) unsafe fn write_sample(
     own: &mut Run,
     place: *mut Sample,
     find: impl FnOnce(&run::Run) -> Result<run::Sample, run::RunFailure>,
 ) -> Result<(), String> {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `place` is null or can be written, and that nothing else refers to it.
     let place = unsafe { place.as_mut() }.ok_or("the sample is NULL")?;
     if (place.size as usize) < size_of::<Sample>() {
         return Err(format!(
@@ -292,10 +292,11 @@ pub(crate) unsafe fn write_sample(
 /// `escapement_run_field`.
 ///
 /// # Safety
-/// As the header says.
+/// `pointer` is null, or a run that was not freed; `port` and `field` are null, or end with a zero byte; `values` is null, or has room for
+/// `count` numbers.
 pub unsafe fn field(pointer: *mut Run, port: *const c_char, field: *const c_char, values: *mut f64, count: u32) -> i32 {
     let work = |run: &mut run::Run| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that each name is null or ends with a zero byte.
         let (port, field) = unsafe {
             (
                 text(port, "the name of the output")?,
@@ -315,41 +316,41 @@ pub unsafe fn field(pointer: *mut Run, port: *const c_char, field: *const c_char
                 found.len()
             ));
         }
-        // SAFETY: there is room for as many as the caller says.
+        // SAFETY: it is not null, the caller guarantees room for `count` numbers, and there are as many.
         unsafe { std::ptr::copy_nonoverlapping(found.as_ptr(), values, found.len()) };
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_set`.
 ///
 /// # Safety
-/// As the header says.
+/// `pointer` is null, or a run that was not freed; `port` is null, or ends with a zero byte; `bytes` is null, or has `size` bytes.
 pub unsafe fn set(pointer: *mut Run, port: *const c_char, bytes: *const c_void, size: u64) -> i32 {
     let work = |run: &mut run::Run| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that each name is null or ends with a zero byte.
         let port = unsafe { text(port, "the name of the input") }?;
         if bytes.is_null() {
             return Err("the message is NULL".to_owned());
         }
         let size = usize::try_from(size).map_err(error_text)?;
-        // SAFETY: the message is as large as the caller says.
+        // SAFETY: it is not null, so the caller guarantees `size` bytes.
         let bytes = unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size) };
         run.set_bytes(port, bytes).map_err(error_text)
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_figure`.
 ///
 /// # Safety
-/// As the header says.
+/// `pointer` is null, or a run that was not freed; `name` is null, or ends with a zero byte; `value` is null, or can be written.
 pub unsafe fn figure(pointer: *mut Run, name: *const c_char, value: *mut f64) -> i32 {
     let work = |run: &mut run::Run| {
-        // SAFETY: as the caller says.
+        // SAFETY: the name is null or ends with a zero byte, and the place is null or can be written, as the caller guarantees.
         let (name, value) = unsafe {
             (
                 text(name, "the name of the figure")?,
@@ -368,37 +369,37 @@ pub unsafe fn figure(pointer: *mut Run, name: *const c_char, value: *mut f64) ->
         *value = found.value.ok_or_else(|| format!("`{name}` is not known yet"))?;
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_save`.
 ///
 /// # Safety
-/// As the header says.
+/// `pointer` is null, or a run that was not freed; `place` is null, or can be written.
 pub unsafe fn save(pointer: *mut Run, place: *mut *mut Checkpoint) -> i32 {
     let work = |run: &mut run::Run| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that `place` is null or can be written, and that nothing else refers to it.
         let place = unsafe { place.as_mut() }.ok_or("the place of the checkpoint is NULL")?;
         *place = std::ptr::null_mut();
         *place = Box::into_raw(Box::new(Checkpoint(run.save().map_err(error_text)?)));
         Ok(())
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_active_run(pointer, work) }
 }
 
 /// `escapement_run_restore`.
 ///
 /// # Safety
-/// As the header says.
+/// `pointer` is null, or a run that was not freed; `checkpoint` is null, or was saved and not freed.
 pub unsafe fn restore(pointer: *mut Run, checkpoint: *const Checkpoint) -> i32 {
     let work = |run: &mut run::Run| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that the checkpoint is null or was saved and not freed.
         let checkpoint = unsafe { checkpoint.as_ref() }.ok_or("the checkpoint is NULL")?;
         run.restore(&checkpoint.0).map_err(error_text)
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_active_run(pointer, work) }
 }
 
@@ -408,7 +409,7 @@ pub unsafe fn restore(pointer: *mut Run, checkpoint: *const Checkpoint) -> i32 {
 /// `checkpoint` is null, or was saved and not freed.
 pub unsafe fn checkpoint_free(checkpoint: *mut Checkpoint) {
     if !checkpoint.is_null() {
-        // SAFETY: as the caller says.
+        // SAFETY: it is a checkpoint that `save` has boxed and that was not freed, as the caller guarantees.
         drop(unsafe { Box::from_raw(checkpoint) });
     }
 }
@@ -416,10 +417,10 @@ pub unsafe fn checkpoint_free(checkpoint: *mut Checkpoint) {
 /// `escapement_run_end`.
 ///
 /// # Safety
-/// As the header says.
+/// `pointer` is null, or a run that was not freed; `place` is null, or an outcome that begins with its size and has as many bytes.
 pub unsafe fn end(pointer: *mut Run, place: *mut Outcome) -> i32 {
     let work = |own: &mut Run| {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees that `place` is null or can be written, and that nothing else refers to it.
         let place = unsafe { place.as_mut() };
         if let Some(place) = &place
             && (place.size as usize) < size_of::<Outcome>()
@@ -450,7 +451,7 @@ pub unsafe fn end(pointer: *mut Run, place: *mut Outcome) -> i32 {
             Ending::Complete | Ending::Stopped { .. } => Ok(()),
         }
     };
-    // SAFETY: as the caller says.
+    // SAFETY: the caller guarantees that `pointer` is null or a run that was not freed.
     unsafe { with_run(pointer, work) }
 }
 
@@ -460,7 +461,7 @@ pub unsafe fn end(pointer: *mut Run, place: *mut Outcome) -> i32 {
 /// `pointer` is null, or a run that was not freed.
 pub unsafe fn free(pointer: *mut Run) {
     if !pointer.is_null() {
-        // SAFETY: as the caller says.
+        // SAFETY: it is a run that `start` has boxed and that was not freed, as the caller guarantees.
         let own = unsafe { Box::from_raw(pointer) };
         let _ = catch_unwind(AssertUnwindSafe(|| drop(own)));
     }

@@ -17,6 +17,40 @@
 //! The [`Digest`] identifies the content of a tape: it covers names, descriptors, sample times, counts and every byte of every stream, in
 //! an order that does not depend on which stream arrived first. Events are not part of it, so a run that was interrupted and resumed can
 //! be shown to have the tape of the undisturbed one.
+//!
+//! # Example
+//!
+//! ```
+//! use lockstep::port::Message;
+//! use lockstep::time::Rational;
+//! use tape::{Reader, Records, Source, StreamSpec, Writer};
+//!
+//! lockstep::message! {
+//!     /// What the tank reports.
+//!     struct Level {
+//!         /// Depth of the water.
+//!         depth: f64 = "m",
+//!     }
+//! }
+//!
+//! let folder = std::env::temp_dir().join(format!("tape-example-{}", std::process::id()));
+//! # std::fs::create_dir_all(&folder)?;
+//! let (start, period): (Rational, Rational) = ("0 s".parse()?, "10 ms".parse()?);
+//! let stream = StreamSpec::new("tank", "level", Level::descriptor(), start, period);
+//! let mut writer = Writer::create(&folder, vec![stream])?;
+//! for (index, (stamp_s, depth)) in [(0.0, 0.4_f64), (0.01, 0.3), (0.02, 0.2)].into_iter().enumerate() {
+//!     writer.append(0, index as u64, stamp_s, &depth.to_le_bytes())?;
+//! }
+//! let digest = writer.finish()?;
+//!
+//! let reader = Reader::open(&folder)?;
+//! assert_eq!(reader.sealed_digest(), Some(digest));
+//! let mut records = Records::new(&reader, reader.stream("tank.level")?);
+//! let first = records.next()?.expect("the tape has three samples");
+//! assert_eq!((first.stamp_s, first.payload), (0.0, &0.4_f64.to_le_bytes()[..]));
+//! # std::fs::remove_dir_all(&folder)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod atomic;
 mod block_queue;

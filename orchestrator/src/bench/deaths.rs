@@ -34,7 +34,7 @@ pub fn death_detection_latency(
         let killed = killer.join().unwrap_or(None);
         match (killed, &outcome.ending) {
             (Some(killed), Ending::Failed { .. }) => {
-                figures.add(1e3 * outcome.known.saturating_duration_since(killed).as_secs_f64());
+                figures.add(1e3 * outcome.ended_at.saturating_duration_since(killed).as_secs_f64());
             }
             (_, ending) => anyhow::bail!("no participant was killed: {ending:?}"),
         }

@@ -4,6 +4,24 @@
 //! several side by side where the participants support it. When a worker crashes, the points that it was running are run
 //! again one by one, so that only the point that crashes is lost. The results go to a journal in order of arrival, and into
 //! the table in the order of the points. Nothing in the table depends on the number of workers, on lanes or on time.
+//!
+//! # Example
+//!
+//! Two delays and three seeds are six points. [`run()`] runs them in worker processes. A worker is this program once more, so its `main` must
+//! call [`serve`] there.
+//!
+//! ```
+//! use engine::campaign::{Axis, Campaign, CampaignKind, Plan, grid};
+//! use engine::scenario::Changes;
+//!
+//! let axes: Vec<Axis> = vec!["connections.level.delay=5ms,10ms".parse()?, "seed=1..3".parse()?];
+//! let (columns, points) = grid(&axes)?;
+//! let plan = Plan::Listed { columns, points };
+//! let campaign = Campaign::of_plan(CampaignKind::Sweep, "tank.toml".into(), Changes::default(), &plan);
+//! assert_eq!(campaign.points.len(), 6);
+//! assert_eq!(campaign.points[5], ["connections.level.delay=10 ms", "seed=3"]);
+//! # Ok::<(), engine::campaign::GridError>(())
+//! ```
 
 mod analysis;
 mod cases;

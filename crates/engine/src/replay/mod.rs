@@ -3,6 +3,67 @@
 //! The plan determines which sample each activation reads, and the samples are on the tape. So a replay is a run of the participant
 //! alone, with players in place of the participants that fed it. Everything else is the same: links, delays, random samples,
 //! transport, and how a run ends.
+//!
+//! # Example
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use engine::Catalogue;
+//! use engine::replay::{Replay, Request};
+//! use engine::run::Options;
+//! use engine::scenario::Scenario;
+//! use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+//!
+//! lockstep::message! {
+//!     /// What the tank reports.
+//!     struct Level {
+//!         /// Depth of the water.
+//!         depth: f64 = "m",
+//!     }
+//! }
+//!
+//! /// Loses a tenth of its content per second.
+//! struct Tank(f64);
+//!
+//! impl Participant for Tank {
+//!     fn interface(&self) -> Interface {
+//!         Interface::new(Kind::Continuous).output::<Level>("level")
+//!     }
+//!
+//!     fn step(&mut self, step: &Step, _: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+//!         self.0 -= 0.1 * step.period * self.0;
+//!         *outputs.get_mut(0) = Level { depth: self.0 };
+//!         Ok(())
+//!     }
+//! }
+//!
+//! fn tank(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+//!     Ok(Box::new(Tank(0.4)))
+//! }
+//!
+//! let catalogue = Arc::new(Catalogue::new("example").participant("tank", tank));
+//! let text = "duration = \"1 s\"\n[participants.tank]\nrun = { builtin = \"tank\" }\nperiod = \"10 ms\"\n";
+//! let scenario = Scenario::read_text(&catalogue, "tank.toml".as_ref(), text)?;
+//! let folder = std::env::temp_dir().join(format!("replay-example-{}", std::process::id()));
+//! let here = Options { in_process: true, ..Options::default() };
+//! engine::run::run(&scenario, &Options { out: Some(folder.clone()), ..here.clone() })?;
+//!
+//! let request = Request {
+//!     catalogue: &catalogue,
+//!     folder: &folder,
+//!     participant: "tank",
+//!     overrides: &[],
+//!     program: None,
+//!     run: None,
+//!     to: None,
+//!     unverified: false,
+//! };
+//! let found = Replay::plan(&request)?.run(&here)?;
+//! assert!(found.comparison?.identical);
+//! # std::fs::remove_dir_all(&folder)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub(crate) mod player;
 mod reduce;

@@ -334,8 +334,8 @@ impl Run {
         let restored = self.rewind_to(checkpoint);
         if let Err(failure) = &restored {
             let ending = Ending::orchestrator_failed(failure.to_string());
-            let known = Instant::now();
-            self.over = Some(RunEnd { ending, known });
+            let ended_at = Instant::now();
+            self.over = Some(RunEnd { ending, ended_at });
         }
         restored
     }

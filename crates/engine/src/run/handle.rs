@@ -72,7 +72,7 @@ pub(super) enum LoopExit {
 /// How a run has ended.
 pub(super) struct RunEnd {
     pub(super) ending: Ending,
-    pub(super) known: Instant,
+    pub(super) ended_at: Instant,
 }
 
 impl Run {
@@ -267,8 +267,8 @@ impl Run {
             if ending != Ending::Complete {
                 self.now = newest;
             }
-            let known = Instant::now();
-            self.over = Some(RunEnd { ending, known });
+            let ended_at = Instant::now();
+            self.over = Some(RunEnd { ending, ended_at });
         }
     }
 
@@ -318,8 +318,8 @@ impl Run {
             let ending = Ending::Stopped {
                 reason: format!("ended at t = {} s", self.now_s()),
             };
-            let known = Instant::now();
-            self.over = Some(RunEnd { ending, known });
+            let ended_at = Instant::now();
+            self.over = Some(RunEnd { ending, ended_at });
         }
         let outcome = self.conclude();
         if let Some(folder) = &outcome.folder {
@@ -362,7 +362,7 @@ impl Run {
         self.executor.shut_down(run_state);
         let report = self.executor.report();
         drop(self.executor);
-        let known = self.over.as_ref().map_or_else(Instant::now, |over| over.known);
+        let ended_at = self.over.as_ref().map_or_else(Instant::now, |over| over.ended_at);
         let ending = self.over.map_or(Ending::Complete, |over| over.ending);
         let RunState {
             plan,
@@ -410,7 +410,7 @@ impl Run {
             ending,
             simulated_s,
             wall_s: self.wall.as_secs_f64(),
-            known,
+            ended_at,
             digest,
             recovered,
             figures,

@@ -165,8 +165,8 @@ pub struct Outcome {
     pub simulated_s: f64,
     /// Wall time between the first activation and the last sample on the tape, s.
     pub wall_s: f64,
-    /// When the orchestrator knew how the run ends.
-    pub known: Instant,
+    /// When the orchestrator determined how the run ends.
+    pub ended_at: Instant,
     /// The digest of the tape; `None` when it could not be finished, or when nothing was recorded.
     pub digest: Option<Digest>,
     /// How failures of participants were handled, in the words of the tape's events: where the run went back to, or which program

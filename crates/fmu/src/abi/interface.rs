@@ -214,13 +214,13 @@ impl Values {
             let terminated = self.native == Native::Text;
             *length = match (pointer.is_null(), terminated) {
                 (true, _) => 0,
-                // SAFETY: guaranteed by the caller.
+                // SAFETY: it is not null, and the caller guarantees that a text ends with a zero byte.
                 (false, true) => unsafe { CStr::from_ptr(pointer.cast()) }.count_bytes(),
                 (false, false) => *size,
             };
             content.clear();
             if *length > 0 && *length <= self.content_max {
-                // SAFETY: guaranteed by the caller, for a length within the limit.
+                // SAFETY: the caller guarantees as many bytes as the length, which is within the limit.
                 content.extend(unsafe { std::slice::from_raw_parts(*pointer, *length) });
             }
             content.extend(terminated.then_some(0));
