@@ -3,7 +3,7 @@
 
 use interfaces::files::{Servicer, Target};
 use lockstep::participant::ParameterError;
-use lockstep::units::{Angle, AngularRate, Kind, Length, PerAxis, Quantity, Speed, Time, Vector};
+use lockstep::units::{Angle, AngularRate, Length, PerAxis, Quantity, QuantityKind, Speed, Time, Vector};
 use serde::Deserialize;
 
 use crate::actuators::ActuatorParameters;
@@ -139,7 +139,7 @@ impl AfterGrasp {
 }
 
 /// Rejects a distance or an angle that is not above zero.
-fn above_zero<K: Kind>(key: &str, value: Quantity<K>) -> Result<(), ParameterError> {
+fn above_zero<K: QuantityKind>(key: &str, value: Quantity<K>) -> Result<(), ParameterError> {
     if value.si() > 0.0 {
         return Ok(());
     }

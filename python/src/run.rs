@@ -308,7 +308,12 @@ impl Run {
         let mut all = inputs.chain(interface.outputs.iter().map(|port| (&port.name, &port.descriptor)));
         let found = all.find(|(own, _)| *own == name);
         found
-            .map(|(_, descriptor)| values::of_json(py, &serde_json::to_value(descriptor).unwrap_or_default()))
+            .map(|(_, descriptor)| {
+                values::of_json(
+                    py,
+                    &serde_json::to_value(descriptor).expect("a descriptor is texts and numbers"),
+                )
+            })
             .transpose()
     }
 

@@ -221,7 +221,7 @@ fn described<'a, 'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     for (name, descriptor) in ports {
-        let descriptor = serde_json::to_value(descriptor).unwrap_or_default();
+        let descriptor = serde_json::to_value(descriptor).expect("a descriptor is texts and numbers");
         all.set_item(name, values::of_json(py, &descriptor)?)?;
     }
     Ok(all)

@@ -1,7 +1,7 @@
 //! A law's parameter error in the terms of the scenario: its keys, and quantities with their units.
 
 use lockstep::participant::ParameterError;
-use lockstep::units::{Angle, AngularMomentum, AngularRate, Force, Kind, Length, PerTime, Speed, Torque};
+use lockstep::units::{Angle, AngularMomentum, AngularRate, Force, Length, PerTime, QuantityKind, Speed, Torque};
 
 /// The ending of a field's name, and the text of a value in its unit.
 type Unit = (&'static str, fn(f64) -> String);

@@ -1,4 +1,4 @@
-//! The export of an FMU.
+//! The export of an FMU: from a request to the finished archive.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! The importer's log.
+//! The importer's log: the callbacks of both versions of the standard.
 
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 

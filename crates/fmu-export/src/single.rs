@@ -1,4 +1,4 @@
-//! One participant, stepped by the importer.
+//! The body of an FMU with one participant, which the importer steps.
 
 use std::sync::Arc;
 

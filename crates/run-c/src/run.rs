@@ -1,4 +1,4 @@
-//! The C functions of a run.
+//! The C functions of a run: start, advance, read, set, save, restore and end.
 
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};

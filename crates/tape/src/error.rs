@@ -1,4 +1,4 @@
-//! One error enum per family of operations.
+//! Errors of tapes: one enumeration for each family of operations.
 
 use std::io;
 use std::path::PathBuf;

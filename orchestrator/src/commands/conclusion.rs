@@ -128,8 +128,7 @@ pub fn conclude_rare(
         figure,
     };
     let mut files = write(campaign, finished, Some(&chart))?;
-    let known = serde_json::to_string_pretty(&ended.json()).unwrap_or_default() + "\n";
-    files.push(finished.folder.write("rare.json", known)?);
+    files.push(finished.folder.write("rare.json", format!("{:#}\n", ended.json()))?);
     let page = report::campaign::page(title, &ended.analysis(title));
     files.push(finished.folder.write("report.html", page)?);
     if args.json {

@@ -1,4 +1,4 @@
-//! `escapement faults SCENARIO`
+//! `escapement faults SCENARIO`: a campaign over single failures, declared or listed by the program.
 
 use crate::catalogue::catalogue;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! `escapement measure RUN --of FIELD --compute WHAT`
+//! `escapement measure RUN --of FIELD --compute WHAT`: a figure of a recorded run.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

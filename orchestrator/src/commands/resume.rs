@@ -1,4 +1,4 @@
-//! `escapement resume RUN`
+//! `escapement resume RUN`: continues a run from a checkpoint, in a folder of its own.
 
 use crate::catalogue::catalogue;
 use std::path::PathBuf;

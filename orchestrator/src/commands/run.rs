@@ -1,4 +1,4 @@
-//! `escapement run SCENARIO`
+//! `escapement run SCENARIO`: one run, its shadows, and the report of its end.
 
 use crate::catalogue::catalogue;
 use std::io::Write;

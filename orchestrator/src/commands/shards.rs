@@ -1,4 +1,4 @@
-//! `escapement sweep SCENARIO`, and the commands for folders of campaigns: `run`, `merge`, `status`
+//! `escapement sweep SCENARIO`, and the commands for folders of campaigns: `run`, `merge`, `status`.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

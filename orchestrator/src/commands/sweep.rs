@@ -1,4 +1,4 @@
-//! `escapement sweep SCENARIO --vary KEY=VALUES`
+//! `escapement sweep SCENARIO --vary KEY=VALUES`: a campaign over a grid of values, or over a campaign file.
 
 use clap::Args;
 

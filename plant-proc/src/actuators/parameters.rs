@@ -2,7 +2,7 @@
 
 use interfaces::JOINTS;
 use lockstep::participant::ParameterError;
-use lockstep::units::{AngularMomentum, Force, Kind, Length, PerAxis, Quantity, Time, Torque};
+use lockstep::units::{AngularMomentum, Force, Length, PerAxis, Quantity, QuantityKind, Time, Torque};
 use serde::Deserialize;
 
 /// Number of thrusters.
@@ -118,7 +118,7 @@ impl Default for JointParameters {
 }
 
 /// Rejects a negative limit. `K` gives the unit for the error message.
-pub(super) fn not_negative<K: Kind>(key: &str, of: &str, value: f64) -> Result<f64, ParameterError> {
+pub(super) fn not_negative<K: QuantityKind>(key: &str, of: &str, value: f64) -> Result<f64, ParameterError> {
     if value >= 0.0 {
         return Ok(value);
     }

@@ -2,14 +2,14 @@
 
 use lockstep::participant::ParameterError;
 use lockstep::random::Stream;
-use lockstep::units::{Kind, PerAxis, Quantity, Time};
+use lockstep::units::{PerAxis, Quantity, QuantityKind, Time};
 use serde::{Deserialize, Serialize};
 
 use super::RandomSource;
 
 /// Errors of a sensor, all zero by default.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields, default, bound = "K: Kind")]
+#[serde(deny_unknown_fields, default, bound = "K: QuantityKind")]
 pub struct SensorErrorParameters<K, const N: usize> {
     /// Sampling period, a multiple of the plant's period; the last sample is held. The plant's period by default.
     pub period: Option<Quantity<Time>>,
@@ -69,7 +69,7 @@ impl<const N: usize> SensorErrors<N> {
     ///
     /// # Errors
     /// Names the parameter that is out of range.
-    pub fn new<K: Kind>(
+    pub fn new<K: QuantityKind>(
         key: &str,
         parameters: &SensorErrorParameters<K, N>,
         source: RandomSource,

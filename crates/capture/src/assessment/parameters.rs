@@ -1,7 +1,7 @@
 //! The table `assessment` of a scenario.
 
 use lockstep::participant::ParameterError;
-use lockstep::units::{Angle, Force, Kind, PerAxis, Quantity, Time, Torque};
+use lockstep::units::{Angle, Force, PerAxis, Quantity, QuantityKind, Time, Torque};
 use serde::Deserialize;
 
 /// `[assessment]`.
@@ -100,7 +100,7 @@ impl Criteria {
 }
 
 /// Rejects a range or a limit that is not above zero.
-fn above_zero<K: Kind, const N: usize>(key: &str, values: &PerAxis<K, N>) -> Result<(), ParameterError> {
+fn above_zero<K: QuantityKind, const N: usize>(key: &str, values: &PerAxis<K, N>) -> Result<(), ParameterError> {
     let mut all = values.si().into_iter().enumerate();
     let Some((at, value)) = all.find(|(_, value)| !(*value > 0.0 && value.is_finite())) else {
         return Ok(());

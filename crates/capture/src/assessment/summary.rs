@@ -1,4 +1,4 @@
-//! Figures of a run.
+//! Figures of a capture: their names, units, meanings and text.
 
 use engine::assessment::{Criterion, Figures, Measured};
 use engine::three_digits;
@@ -71,9 +71,9 @@ impl Summary {
     /// As the figures of a run, with `criteria` next to `measures`. If there are criteria and all are met, the
     /// target is captured.
     pub fn figures(self, criteria: Vec<Criterion>, measures: Vec<Measured>) -> Figures {
-        let values = match serde_json::to_value(&self) {
-            Ok(Value::Object(values)) => values,
-            _ => serde_json::Map::new(),
+        let values = serde_json::to_value(&self).expect("a summary is numbers, lists and texts");
+        let Value::Object(values) = values else {
+            unreachable!("a struct is written as a table");
         };
         let lines = self.lines();
         let mut figures = Figures {

@@ -1,4 +1,4 @@
-//! Dispersions combined with their designs: point number k.
+//! Declared campaigns: dispersions combined with their designs into point number k.
 
 mod point_builder;
 

@@ -1,4 +1,4 @@
-//! Options of a campaign.
+//! Options of a campaign: everything but its points, from the folder to the stopping rule.
 
 use std::path::PathBuf;
 

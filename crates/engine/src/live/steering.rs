@@ -100,9 +100,9 @@ impl Steering {
         self.resting.store(resting, Ordering::Relaxed);
     }
 
-    /// Called by the run to report how it keeps pace with the wall clock.
+    /// Called by the run to report the pace so far.
     pub fn report_pace(&self, pace: &impl serde::Serialize) {
-        let pace = serde_json::to_value(pace).unwrap_or_default();
+        let pace = serde_json::to_value(pace).expect("the figures of a pace are numbers and texts");
         *self.pace.lock().unwrap_or_else(PoisonError::into_inner) = pace;
     }
 

@@ -1,4 +1,4 @@
-//! The request for a replay.
+//! The request for a replay: the run, the participant, and what is changed.
 
 use std::path::Path;
 use std::sync::Arc;

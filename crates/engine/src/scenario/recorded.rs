@@ -38,8 +38,9 @@ pub(super) fn read(
             let reason = participants.unknown("participant", participant);
             Err(source.mistake(&format!("record.{participant}"), reason))
         } else if port.is_some() && record.contains_key(participant) {
-            let reason =
-                format!("says what is recorded of one stream, and `{participant}` of all of them: leave one of them out");
+            let reason = format!(
+                "says what is recorded of one stream, and `{participant}` of all of them: leave one of them out"
+            );
             Err(source.mistake(&format!("record.{key}"), reason))
         } else if let (None, RecordSpec::Part(_)) = (port, part) {
             let reason =

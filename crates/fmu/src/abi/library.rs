@@ -1,4 +1,4 @@
-//! Shared libraries.
+//! The shared library of an FMU: loaded, searched for functions, unloaded.
 
 use std::collections::BTreeSet;
 use std::ffi::{CStr, CString, c_int, c_void};

@@ -1,4 +1,4 @@
-//! Log messages of FMUs.
+//! Log messages of FMUs: the callback that formats, limits and collects them.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ffi::{CStr, c_char, c_int, c_void};

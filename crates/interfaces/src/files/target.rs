@@ -1,7 +1,7 @@
 //! The target satellite.
 
 use lockstep::participant::ParameterError;
-use lockstep::units::{Angle, Inertia, Kind, Length, Mass, PerAxis, Quantity, Vector};
+use lockstep::units::{Angle, Inertia, Length, Mass, PerAxis, Quantity, QuantityKind, Vector};
 use serde::Deserialize;
 
 /// The target: a rigid body, its frame T at the centre of mass along the principal axes.
@@ -31,7 +31,7 @@ impl Target {
     }
 }
 
-fn above_zero<K: Kind>(key: &str, axis: &str, value: f64) -> Result<(), ParameterError> {
+fn above_zero<K: QuantityKind>(key: &str, axis: &str, value: f64) -> Result<(), ParameterError> {
     if value > 0.0 {
         return Ok(());
     }

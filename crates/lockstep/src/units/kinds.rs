@@ -1,6 +1,6 @@
-//! The kinds of quantity that the stock parameters need. A project adds its own by implementing [`Kind`].
+//! The kinds of quantity that the stock parameters need. A project adds its own by implementing [`QuantityKind`].
 
-use super::{Dimension, Kind};
+use super::{Dimension, QuantityKind};
 
 macro_rules! kinds {
     ($($(#[$meta:meta])* $name:ident: $words:literal, $example:literal, [$m:literal, $kg:literal, $s:literal, $rad:literal];)*) => {$(
@@ -8,7 +8,7 @@ macro_rules! kinds {
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct $name;
 
-        impl Kind for $name {
+        impl QuantityKind for $name {
             const DIMENSION: Dimension = Dimension::new($m, $kg, $s, $rad);
             const WORDS: &'static str = $words;
             const EXAMPLE: &'static str = $example;

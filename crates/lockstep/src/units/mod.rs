@@ -42,5 +42,5 @@ mod table;
 pub use dimension::Dimension;
 pub use kinds::*;
 pub use parse::{UnitError, convert, known_symbols, parse, unit_factor, unit_in};
-pub use quantity::{Kind, PerAxis, Quantity, Vector};
+pub use quantity::{PerAxis, Quantity, QuantityKind, Vector};
 pub use table::read;

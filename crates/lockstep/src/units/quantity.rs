@@ -8,7 +8,7 @@ use serde::de::{Deserialize, Deserializer, Error, Visitor};
 use super::{Dimension, UnitError, parse, unit_factor, unit_in};
 
 /// A kind of quantity: its dimension, and the words for it in messages.
-pub trait Kind {
+pub trait QuantityKind {
     /// Its dimension.
     const DIMENSION: Dimension;
     /// "a length".
@@ -114,7 +114,7 @@ struct Read<const N: usize> {
     text: String,
 }
 
-impl<K: Kind, const N: usize> Visitor<'_> for Text<K, N> {
+impl<K: QuantityKind, const N: usize> Visitor<'_> for Text<K, N> {
     type Value = Read<N>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -146,7 +146,7 @@ impl<K: Kind, const N: usize> Visitor<'_> for Text<K, N> {
     }
 }
 
-fn bare<K: Kind>(value: impl ToString) -> UnitError {
+fn bare<K: QuantityKind>(value: impl ToString) -> UnitError {
     UnitError::NoUnit {
         text: value.to_string(),
         words: K::WORDS,
@@ -155,12 +155,12 @@ fn bare<K: Kind>(value: impl ToString) -> UnitError {
 }
 
 /// "0.5 m" as "[0.5, 0.5, 0.5] m".
-fn list_example<K: Kind, const N: usize>() -> String {
+fn list_example<K: QuantityKind, const N: usize>() -> String {
     let (number, unit) = K::EXAMPLE.split_once(' ').unwrap_or((K::EXAMPLE, ""));
     format!("[{}] {unit}", vec![number; N].join(", "))
 }
 
-fn wrong_count<K: Kind, const N: usize, E: Error>(read: &Read<N>) -> E {
+fn wrong_count<K: QuantityKind, const N: usize, E: Error>(read: &Read<N>) -> E {
     let number = |count| {
         if count == 1 {
             "1 number".to_owned()
@@ -185,7 +185,7 @@ fn wrong_count<K: Kind, const N: usize, E: Error>(read: &Read<N>) -> E {
     })
 }
 
-impl<'de, K: Kind> Deserialize<'de> for Quantity<K> {
+impl<'de, K: QuantityKind> Deserialize<'de> for Quantity<K> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let read = deserializer.deserialize_any(Text::<K, 1>(PhantomData))?;
         match read.listed {
@@ -195,7 +195,7 @@ impl<'de, K: Kind> Deserialize<'de> for Quantity<K> {
     }
 }
 
-impl<'de, K: Kind, const N: usize> Deserialize<'de> for Vector<K, N> {
+impl<'de, K: QuantityKind, const N: usize> Deserialize<'de> for Vector<K, N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let read = deserializer.deserialize_any(Text::<K, N>(PhantomData))?;
         match (read.listed, read.count == N) {
@@ -205,7 +205,7 @@ impl<'de, K: Kind, const N: usize> Deserialize<'de> for Vector<K, N> {
     }
 }
 
-impl<'de, K: Kind, const N: usize> Deserialize<'de> for PerAxis<K, N> {
+impl<'de, K: QuantityKind, const N: usize> Deserialize<'de> for PerAxis<K, N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let read = deserializer.deserialize_any(Text::<K, N>(PhantomData))?;
         match (read.listed, read.count == N) {

@@ -1,4 +1,4 @@
-//! One run of a report.
+//! One run of a report: its tape, its files, and the streams that its figures are drawn from.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Mistakes in a view.
+//! Mistakes in a view, with the key of the scenario where each is.
 
 /// A mistake in a table.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! One dispersion.
+//! A dispersion: the keys that it sets, the source of its values, and its design.
 
 use super::quantity::{Quantity, RoundingStep};
 use super::value_source::ValueSource;

@@ -1,4 +1,4 @@
-//! Jobs of an engine.
+//! Jobs of an engine: shards that are submitted together, and the request for their submission.
 
 use std::path::{Path, PathBuf};
 

@@ -87,7 +87,8 @@ impl EngineRecord {
 
     fn write(&self, root: &Path) -> Result<(), CampaignError> {
         let path = root.join("engine.json");
-        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
+        let text =
+            serde_json::to_string_pretty(self).map_err(|error| io_error(&path, "write the file")(error.into()))? + "\n";
         tape::write_atomic(&path, text).map_err(io_error(&path, "write the file"))
     }
 

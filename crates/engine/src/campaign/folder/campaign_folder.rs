@@ -170,9 +170,11 @@ impl Folder {
             pid: std::process::id(),
             workers,
         };
-        let text = serde_json::to_string(&holder).unwrap_or_default() + "\n";
+        let path = self.root.join("lock");
+        let text =
+            serde_json::to_string(&holder).map_err(|error| io_error(&path, "write the file")(error.into()))? + "\n";
         let written = self.lock.set_len(0).and_then(|()| self.lock.write_all(text.as_bytes()));
-        written.map_err(io_error(&self.root.join("lock"), "write the file"))
+        written.map_err(io_error(&path, "write the file"))
     }
 
     /// The folder.

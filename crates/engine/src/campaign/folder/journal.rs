@@ -90,7 +90,8 @@ impl Journal {
 
     /// Appends a line.
     pub(crate) fn append_entry(&self, entry: &JournalEntry) -> Result<(), CampaignError> {
-        let line = serde_json::to_string(entry).unwrap_or_default() + "\n";
+        let line =
+            serde_json::to_string(entry).map_err(|error| io_error(&self.path, "write the file")(error.into()))? + "\n";
         (&self.file)
             .write_all(line.as_bytes())
             .map_err(io_error(&self.path, "write the file"))

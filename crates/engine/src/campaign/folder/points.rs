@@ -42,30 +42,35 @@ fn refusal(root: &Path, reason: impl Into<String>) -> CampaignError {
 
 impl Identity {
     /// The content of `points.jsonl`: the points that belong to the folder.
-    fn rows(&self, campaign: &Campaign) -> Vec<u8> {
+    fn rows(&self, campaign: &Campaign) -> serde_json::Result<Vec<u8>> {
         let mut lines = Vec::new();
         for at in 0..campaign.points.len() {
             if self.owns(at) || self.audits(at) {
-                serde_json::to_writer(&mut lines, &campaign.row(at)).unwrap_or_default();
+                serde_json::to_writer(&mut lines, &campaign.row(at))?;
                 lines.push(b'\n');
             }
         }
-        lines
+        Ok(lines)
     }
 
     /// Writes the points that belong to the folder `root` and its identity.
     pub(crate) fn write(&self, root: &Path, campaign: &Campaign) -> Result<(), CampaignError> {
         let path = root.join(FILE);
-        tape::write_atomic(&path, self.rows(campaign)).map_err(io_error(&path, "write the file"))?;
+        let rows = self
+            .rows(campaign)
+            .map_err(|error| io_error(&path, "write the file")(error.into()))?;
+        tape::write_atomic(&path, rows).map_err(io_error(&path, "write the file"))?;
         // The points first: a folder with this file is guaranteed to have them.
         let path = root.join("campaign.json");
-        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
+        let text =
+            serde_json::to_string_pretty(self).map_err(|error| io_error(&path, "write the file")(error.into()))? + "\n";
         tape::write_atomic(&path, text).map_err(io_error(&path, "write the file"))
     }
 
     /// Whether the folder `root` has exactly these points.
     pub(crate) fn has_rows(&self, root: &Path, campaign: &Campaign) -> bool {
-        fs::read(root.join(FILE)).is_ok_and(|bytes| bytes == self.rows(campaign))
+        let bytes = fs::read(root.join(FILE));
+        bytes.is_ok_and(|bytes| self.rows(campaign).is_ok_and(|rows| rows == bytes))
     }
 
     /// Checks that the points in the folder `root`, which fill `campaign`, are all there: a point without its row would

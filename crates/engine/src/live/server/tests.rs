@@ -1,4 +1,4 @@
-//! Which requests are answered, and how.
+//! Tests of the live page's server: which requests are accepted, and which are rejected.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! The result of a trace.
+//! The summary of a trace: the file, the number of its spans, and what is missing.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! The state of a run at one instant, in one file.
+//! Checkpoints: the state of a run at one instant, in one file.
 //!
 //! A checkpoint holds only what is stored nowhere else: the state and the position of every participant. The samples in transit on
 //! the links follow from the plan and the tape; random samples follow from seed, name and index. Where the tape does not have every

@@ -1,4 +1,4 @@
-//! The data that is needed to resume a run and is not on its tape.
+//! The off-tape state of a checkpoint: the data that is needed to resume a run and is not on its tape.
 
 use lockstep::plan::InFlightSample;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! `[connections.NAME]`
+//! `[connections.NAME]` as a value: the ends of a connection, its delivery and its map.
 
 use lockstep::link::{Hold, Timing};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

@@ -1,4 +1,4 @@
-//! `[[faults]]`
+//! `[[faults]]` as a value: a fault, where it acts, when, and how.
 
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};

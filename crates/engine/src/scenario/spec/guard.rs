@@ -1,4 +1,4 @@
-//! `[guards.NAME]`
+//! `[guards.NAME]` as a value: a condition on an output.
 
 use serde::{Deserialize, Serialize};
 use toml::Value;

@@ -1,4 +1,4 @@
-//! `[measures.NAME]`
+//! `[measures.NAME]` as a value: a signal, what is computed of it, and its limits.
 
 use serde::{Deserialize, Serialize};
 use toml::Value;

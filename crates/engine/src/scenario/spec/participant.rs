@@ -1,4 +1,4 @@
-//! `[participants.NAME]`
+//! `[participants.NAME]` as a value: program, sample time, parameters and failure policy.
 
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};

@@ -1,4 +1,4 @@
-//! A scenario as a value.
+//! The scenario as a value: all sections of its file, with methods to build, change and write it.
 
 use std::path::{Path, PathBuf};
 

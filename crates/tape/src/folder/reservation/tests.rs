@@ -1,4 +1,4 @@
-//! Which folders are accepted, what is restored, and what is never removed.
+//! Tests of reserved run folders: which are accepted, what is restored, and what is never removed.
 
 use super::super::outputs::record_outputs;
 use super::*;
