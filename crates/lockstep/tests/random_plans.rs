@@ -72,7 +72,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 500, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
-    /// Participants are held before random steps and released: the tape does not change. Where one is held, all activations before that
+    /// Participants are paused before random steps and released: the tape does not change. Where one is paused, all activations before that
     /// instant are complete.
     #[test]
     fn loop_with_held_steps_equals_reference(

@@ -115,7 +115,7 @@ impl Run {
             ));
         }
         if ticks == self.now {
-            self.reject_if_held("continue to a later instant first")?;
+            self.reject_within_instant("continue to a later instant first")?;
         }
         self.run_to_tick(ticks)
     }
@@ -255,7 +255,7 @@ impl Run {
     /// As [`Run::set`]; also for a wrong size.
     pub fn set_bytes(&mut self, port: &str, bytes: &[u8]) -> Result<(), RunFailure> {
         let input = inputs::find(&self.run_state.plan, port)?;
-        self.reject_if_held("an input is set at a rest between two instants (`run_to`)")?;
+        self.reject_within_instant("an input is set at a pause between two instants (`run_to`)")?;
         if self.over.is_some() {
             return Err(self.over_failure());
         }
@@ -286,7 +286,7 @@ impl Run {
         if self.over.is_some() {
             return Err(self.over_failure());
         }
-        self.reject_if_held("a state is saved at a rest between two instants (`run_to`)")?;
+        self.reject_within_instant("a state is saved at a pause between two instants (`run_to`)")?;
         let (cut, event_count) = {
             let recorder = self.run_state.recorder();
             recorder.check_samples()?;

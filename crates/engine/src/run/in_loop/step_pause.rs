@@ -160,7 +160,7 @@ impl Run {
     }
 
     /// Refuses operations that need a pause between two instants.
-    pub(crate) fn reject_if_held(&self, what: &str) -> Result<(), RunFailure> {
+    pub(crate) fn reject_within_instant(&self, what: &str) -> Result<(), RunFailure> {
         match self.executor.before_step() {
             Some(stepper) if self.before_step => Err(RunFailure::Instant {
                 time: self.now().to_string(),
