@@ -29,7 +29,7 @@
 //!
 //! # Example
 //!
-//! A wheel gives at most 0.2 N m, so that the thruster couples give the rest of a torque about x:
+//! A wheel gives at most 0.25 N m, so that the thruster couples give the rest of a torque about x:
 //!
 //! ```
 //! use control_laws::Dof;
@@ -37,7 +37,7 @@
 //! use nalgebra::Vector3;
 //!
 //! let parameters = AllocationParameters {
-//!     wheel_torque_nm: Vector3::repeat(0.2),
+//!     wheel_torque_nm: Vector3::repeat(0.25),
 //!     wheel_momentum_nms: Vector3::repeat(12.0),
 //!     thruster_force_n: Vector3::repeat(9.0),
 //!     lever_arm_m: Vector3::repeat(0.5),
@@ -47,8 +47,8 @@
 //! let mut command = Dof::zeros();
 //! command[0] = 1.0;
 //! let allocation = Allocation::of(Some(&parameters), &command, &Vector3::zeros());
-//! assert_eq!(allocation.wheel_torque.x, 0.2);
-//! assert_eq!(allocation.thruster_torque.x, 0.8);
+//! assert_eq!(allocation.wheel_torque.x, 0.25);
+//! assert_eq!(allocation.thruster_torque.x, 0.75);
 //! assert_eq!(allocation.missing_torque, Vector3::zeros());
 //! ```
 #![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement

@@ -134,7 +134,8 @@ pub(crate) fn error_text(failure: impl ToString) -> String {
 /// `escapement_run_start`.
 ///
 /// # Safety
-/// `scenario` is null, or ends with a zero byte; `options` is as for [`run_options`]; `place` is null, or can be written.
+/// `scenario` is null, or ends with a zero byte; `options` is null, or begins with its size, and its texts end with
+/// a zero byte; `place` is null, or can be written.
 pub unsafe fn start(
     catalogue: fn() -> Arc<Catalogue>,
     scenario: *const c_char,
@@ -252,7 +253,8 @@ pub unsafe fn step(pointer: *mut Run) -> i32 {
 /// `escapement_run_newest`.
 ///
 /// # Safety
-/// `pointer` is null, or a run that was not freed; `port` is null, or ends with a zero byte; `place` is as for [`write_sample`].
+/// `pointer` is null, or a run that was not freed; `port` is null, or ends with a zero byte; `place` is null, or a
+/// sample that begins with its size and has as many bytes.
 pub unsafe fn newest(pointer: *mut Run, port: *const c_char, place: *mut Sample) -> i32 {
     let work = |own: &mut Run| {
         // SAFETY: the caller guarantees that each name is null or ends with a zero byte.

@@ -28,7 +28,8 @@ pub unsafe fn to_step(pointer: *mut Run, participant: *const c_char, reached: *m
 /// `escapement_run_read_input`.
 ///
 /// # Safety
-/// `pointer` is null, or a run that was not freed; `port` is null, or ends with a zero byte; `place` is as for [`write_sample`].
+/// `pointer` is null, or a run that was not freed; `port` is null, or ends with a zero byte; `place` is null, or a
+/// sample that begins with its size and has as many bytes.
 pub unsafe fn read_input(pointer: *mut Run, port: *const c_char, place: *mut Sample) -> i32 {
     let work = |own: &mut Run| {
         // SAFETY: the caller guarantees that each name is null or ends with a zero byte.
