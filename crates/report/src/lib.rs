@@ -26,7 +26,7 @@
 //!     }],
 //!     ..Chart::default()
 //! };
-//! assert!(svg(&chart.draw()).starts_with("<svg"));
+//! assert!(svg(&chart.drawing()).starts_with("<svg"));
 //! ```
 
 pub mod campaign;
