@@ -144,3 +144,19 @@ lockstep::message! {
         pub padding: [u8; 3] = "1",
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{GuidancePhase, GuidanceTelemetry, ThrusterTorque};
+    use lockstep::port::Message;
+
+    /// The names are part of the digests of tapes.
+    #[test]
+    fn renamed_types_keep_their_recorded_names() {
+        assert_eq!(ThrusterTorque::descriptor().name, "Couples");
+        let phase = GuidanceTelemetry::descriptor();
+        let phase = phase.field("phase").expect("the telemetry has a phase");
+        let tracking = f64::from(GuidancePhase::Tracking as u8);
+        assert_eq!(phase.name_of(tracking), Some("Riding"));
+    }
+}
