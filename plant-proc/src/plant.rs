@@ -41,6 +41,8 @@ pub struct Plant {
     pub(crate) forces: Forces,
     ledger: Ledger,
     pub(crate) grasp: Option<Grasp>,
+    /// The model without the target, where a grasp may change it: states from before the grasp can then be restored.
+    free_model: Option<Box<Model>>,
     truth_writer: TruthWriter,
 }
 
@@ -102,6 +104,7 @@ impl Plant {
             start: Totals::of(&model, &motion, &target, false),
             impact_loss: 0.0,
         };
+        let free_model = parameters.after_grasp.is_some().then(|| Box::new(model.clone()));
         Ok(Self {
             model,
             method,
@@ -122,6 +125,7 @@ impl Plant {
             },
             ledger,
             grasp: None,
+            free_model,
             truth_writer: TruthWriter::default(),
         })
     }
@@ -304,6 +308,7 @@ impl Participant for Plant {
             actuators: self.actuators.state(),
             sensors: self.sensors.state(),
             ledger: self.ledger,
+            totals: Totals::of(&self.model, &self.motion, &self.target, self.grasp.is_some()),
             grasp: self.grasp,
             signs: self.truth_writer.last,
         })
@@ -311,13 +316,25 @@ impl Participant for Plant {
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
         let saved: Saved = state::from_bytes(state)?;
-        match (&saved.grasp, &self.grasp) {
-            (Some(grasp), None) => self.model.restore_grasp(&grasp.held),
-            (None, None) => {}
-            _ => return Err("a plant that has grasped its target cannot be restored: start a new one".into()),
+        let spherical = self.model.spherical.is_some();
+        if spherical == (saved.motion.bob == Bob::NONE) {
+            let [own, other] = if spherical {
+                ["spherical", "hinges"]
+            } else {
+                ["hinges", "spherical"]
+            };
+            return Err(format!("it is of a plant with `slosh = \"{other}\"`, and this one has \"{own}\"").into());
+        }
+        let free = self.free_model.get_or_insert_with(|| Box::new(self.model.clone()));
+        if self.grasp.is_some() {
+            self.model.clone_from(free);
+        }
+        if let Some(grasp) = &saved.grasp {
+            self.model.weld_target(&grasp.held);
         }
         (self.motion, self.target, self.grasp) = (saved.motion, saved.target, saved.grasp);
-        (self.forces, self.ledger) = (saved.forces, saved.ledger);
+        let totals = Totals::of(&self.model, &self.motion, &self.target, self.grasp.is_some());
+        (self.forces, self.ledger) = (saved.forces, saved.ledger.after_change(&saved.totals, &totals));
         self.actuators.restore(&saved.actuators);
         self.sensors.restore(&saved.sensors);
         self.truth_writer.last = saved.signs;

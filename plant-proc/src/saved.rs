@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::actuators::ActuatorsState;
-use crate::dynamics::{Forces, Grasp, Ledger, Motion, Target};
+use crate::dynamics::{Forces, Grasp, Ledger, Motion, Target, Totals};
 use crate::sensors::SensorsState;
 
 /// The plant's complete state.
@@ -21,6 +21,8 @@ pub struct Saved {
     pub sensors: SensorsState,
     /// The conservation ledger: totals at the start, and losses since.
     pub ledger: Ledger,
+    /// Momentum and energy of this state with this plant's masses.
+    pub totals: Totals,
     /// The grasp, once it has happened.
     pub grasp: Option<Grasp>,
     /// Attitudes of end effector and grasp frame as last written; they determine the sign of the next.

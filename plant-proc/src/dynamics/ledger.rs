@@ -81,6 +81,19 @@ impl Totals {
 }
 
 impl Ledger {
+    /// The ledger of a plant that continues with other masses: momentum and energy were `before` and are `after`. What the change adds
+    /// is no residual, so it belongs to the start.
+    #[must_use]
+    pub fn after_change(mut self, before: &Totals, after: &Totals) -> Self {
+        // without a change no bit of the ledger changes
+        if before != after {
+            self.start.linear += after.linear - before.linear;
+            self.start.angular += after.angular - before.angular;
+            self.start.energy += after.energy - before.energy;
+        }
+        self
+    }
+
     /// Residuals of `now`: momentum less impulse, angular momentum less angular impulse, energy less work plus losses.
     pub fn residual(&self, now: &Totals, motion: &Motion) -> Totals {
         Totals {

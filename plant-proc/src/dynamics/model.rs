@@ -183,7 +183,7 @@ impl Model {
         let energy_before =
             0.5 * nu.dot(&(before * nu)) + 0.5 * omega.dot(&(inertia * omega)) + 0.5 * mass * v.norm_squared();
 
-        self.restore_grasp(&held);
+        self.weld_target(&held);
         let after = self.mass_matrix(motion);
         let nu = after.cholesky()?.solve(&momentum);
         self.set_velocities(motion, &nu);
@@ -194,8 +194,8 @@ impl Model {
         })
     }
 
-    /// Welds the target to the end effector at `held`, and changes nothing else: for a run restored after the grasp.
-    pub fn restore_grasp(&mut self, held: &Placement) {
+    /// Welds the target to the end effector at `held`, and changes no velocity.
+    pub fn weld_target(&mut self, held: &Placement) {
         self.version = next_version();
         self.tree.attach(self.end_effector, held, &self.target_inertia);
         if let Some(spherical) = &mut self.spherical {
