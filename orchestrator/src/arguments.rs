@@ -229,7 +229,8 @@ impl ExecutionArgs {
     /// The part of the run that its file would be.
     pub fn check_trace(&self) -> Result<(), Refusal> {
         let file = self.trace.as_deref();
-        file.map_or(Ok(()), |file| destination::check("--trace", file))
+        let run = self.common.out.as_deref();
+        file.map_or(Ok(()), |file| destination::check_beside("--trace", file, run))
     }
 }
 

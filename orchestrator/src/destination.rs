@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
-use tape::folder::{REQUIRED_FILES, RUN_ENTRIES};
+use tape::folder::{OUTPUTS_FILE, REQUIRED_FILES, RUN_ENTRIES};
 
 use crate::refusal::Refusal;
 
@@ -20,6 +20,28 @@ pub fn check(option: &str, path: &Path) -> Result<(), Refusal> {
     Err(Refusal::of(anyhow!(
         "{option} {path}: {reason}, which is never written over; name another place"
     )))
+}
+
+/// Checks the same of a file that is written beside a new run in the folder `run`: it must not be a file of that run either.
+///
+/// # Errors
+/// The part of the run that it would be.
+pub fn check_beside(option: &str, path: &Path, run: Option<&Path>) -> Result<(), Refusal> {
+    check(option, path)?;
+    let Some(run) = run else {
+        return Ok(());
+    };
+    let resolved_path = resolved(path);
+    let within = resolved_path.strip_prefix(resolved(run)).ok();
+    let first = within.and_then(|within| within.components().next());
+    let name = first.map_or("".into(), |first| first.as_os_str().to_string_lossy());
+    if RUN_ENTRIES.contains(&&*name) || name == OUTPUTS_FILE {
+        let (path, run) = (path.display(), run.display());
+        return Err(Refusal::of(anyhow!(
+            "{option} {path}: the new run in {run} has its own `{name}`; name another place"
+        )));
+    }
+    Ok(())
 }
 
 /// The run folder of `run`, which may also be the `tape` folder in it; a tape without a run folder is its own.
@@ -136,6 +158,25 @@ mod tests {
         ] {
             check("--out", &root.join(free)).unwrap_or_else(|error| panic!("{free}: {error}"));
         }
+        let new = root.join("new");
+        for part in [
+            "new/plan.toml",
+            "new/tape/a.x.bin",
+            "new/outputs.json",
+            "new/log/../tape/x",
+        ] {
+            let error = check_beside("--trace", &root.join(part), Some(&new))
+                .unwrap_err()
+                .to_string();
+            assert!(
+                error.starts_with("--trace ") && error.contains("has its own `"),
+                "{part}: {error}"
+            );
+        }
+        for free in ["new/trace.json", "newer/plan.toml", "trace.json"] {
+            check_beside("--trace", &root.join(free), Some(&new)).unwrap_or_else(|error| panic!("{free}: {error}"));
+        }
+        check_beside("--trace", &root.join("run/plan.toml"), None).unwrap_err();
         let folders = ["run", "run/tape", "bare"].map(|name| folder_of(&root.join(name)));
         assert_eq!(folders, ["run", "run", "bare"].map(|name| root.join(name)));
         std::fs::remove_dir_all(&root).unwrap();

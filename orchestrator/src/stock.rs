@@ -24,7 +24,7 @@ pub fn contents(catalogue: Catalogue) -> Catalogue {
         .participant("controller", controller_proc::factory)
         .participant("guidance", guidance_proc::factory)
         .participant("spring", spring::make)
-        .assessment("capture", capture::assessment::from_table)
+        .assessment("capture", capture::assessment::from_setup)
         .warning(capture::provenance::warnings)
         .warning(capture::late_events::warnings)
         .finding(capture::velocity_loop::findings)

@@ -26,6 +26,8 @@ mod saved;
 mod sensors;
 mod truth;
 
+pub use actuators::ActuatorParameters;
+
 use lockstep::participant::{ParameterError, Participant, Setup};
 use plant::Plant;
 

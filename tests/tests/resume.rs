@@ -24,6 +24,15 @@ fn resumed_run_has_the_undisturbed_tape() {
     assert_eq!(output.code, Some(0), "{output:?}");
     let output = fixture.resume("again", "and again", &["--json"]);
     assert_eq!(output.code, Some(0), "{output:?}");
+    let summary = output.json();
+    let number = |key: &str| summary[key].as_f64().unwrap();
+    assert_eq!(number("resumed_from_s"), 4.0);
+    // the speed is that of what this run itself simulated
+    let own = number("simulated_time_s") - 4.0;
+    assert!(
+        (number("real_time_factor") * number("wall_time_s") - own).abs() < 1e-6,
+        "{summary}"
+    );
     fixture.assert_same_as_undisturbed("and again");
 }
 

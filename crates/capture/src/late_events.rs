@@ -49,7 +49,7 @@ mod tests {
             .participant("plant", plant_proc::factory)
             .participant("controller", controller_proc::factory)
             .participant("guidance", guidance_proc::factory)
-            .assessment("capture", crate::assessment::from_table);
+            .assessment("capture", crate::assessment::from_setup);
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/close.toml");
         let changes: Vec<String> = changes
             .iter()

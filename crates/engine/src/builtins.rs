@@ -4,15 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use lockstep::participant::{Factory, ParameterError, Setup};
-use tape::StreamSpec;
-use toml::{Table, Value};
+use toml::Value;
 
-use crate::assessment::Assessment;
+use crate::assessment::{Assessment, AssessmentSetup};
 use crate::scenario::Program;
 
-/// Makes an assessment from the table `assessment` of a scenario and the streams of the run.
-pub type AssessmentFactory =
-    Arc<dyn Fn(&Table, &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync>;
+/// Makes an assessment.
+pub type AssessmentFactory = Arc<dyn Fn(&AssessmentSetup) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync>;
 
 /// Makes, in this process, a participant that a scenario names as an external program.
 pub(crate) type Within = Arc<dyn Fn(&Program) -> Option<Factory> + Send + Sync>;
@@ -107,11 +105,11 @@ impl Builtins {
         self.within.as_ref().filter(|_| program.is_external())?(program)
     }
 
-    /// Makes the assessment that the table `assessment` of a scenario describes.
+    /// Makes the assessment that the table of `setup` describes.
     ///
     /// # Errors
     /// Reports the key that is refused, or the stream that is missing.
-    pub fn assess(&self, table: &Table, streams: &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> {
+    pub fn assess(&self, setup: &AssessmentSetup) -> Result<Box<dyn Assessment>, ParameterError> {
         let known = || {
             let kinds: Vec<String> = self.assessments.keys().map(|kind| format!("`{kind}`")).collect();
             if kinds.is_empty() {
@@ -120,9 +118,9 @@ impl Builtins {
                 format!("there is {}", kinds.join(", "))
             }
         };
-        match table.get("kind") {
+        match setup.table.get("kind") {
             Some(Value::String(kind)) => match self.assessments.get(kind) {
-                Some(make) => make(table, streams),
+                Some(make) => make(setup),
                 None => Err(ParameterError::new(
                     "kind",
                     format!("there is no assessment `{kind}`; {}", known()),

@@ -10,7 +10,7 @@ use report::view::{View, Views};
 use tape::StreamSpec;
 use toml::Table;
 
-use crate::assessment::Assessment;
+use crate::assessment::{Assessment, AssessmentSetup};
 use crate::builtins::{Builtins, HasBuiltins};
 use crate::campaign::{Cases, CasesError};
 use crate::replay::player;
@@ -120,7 +120,7 @@ impl Catalogue {
     pub fn assessment(
         mut self,
         kind: &str,
-        make: impl Fn(&Table, &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync + 'static,
+        make: impl Fn(&AssessmentSetup) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync + 'static,
     ) -> Catalogue {
         self.builtins_mut().add_assessment(kind, Arc::new(make));
         self

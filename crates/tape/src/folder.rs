@@ -14,7 +14,7 @@ mod paths;
 mod reservation;
 mod utc;
 
-pub use outputs::record_outputs;
+pub use outputs::{OUTPUTS_FILE, record_outputs};
 pub use paths::{FolderError, REQUIRED_FILES, RUN_ENTRIES, RunFolder, private_dir_builder};
 pub use reservation::Reservation;
 pub use utc::{utc_compact, utc_text};

@@ -284,8 +284,11 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
         println!("{}", figures.text());
     }
     println!(
-        "{:.3} s simulated in {:.3} s: {} times real time ({})",
-        outcome.simulated_s,
+        "{:.3} s simulated{} in {:.3} s: {} times real time ({})",
+        outcome.own_simulated_s(),
+        outcome
+            .resumed_s
+            .map_or(String::new(), |from| format!(" from t = {from} s on")),
         outcome.wall_s,
         factor(outcome.real_time_factor()),
         outcome.placement

@@ -3,7 +3,7 @@
 //! Peaks and saturation are those of the unlimited command, at the controller's samples: the largest absolute component of
 //! the group. All other figures are computed from the truth.
 
-use engine::assessment::{Assessment, Figures, Measured, Numbers, stream};
+use engine::assessment::{Assessment, AssessmentSetup, Figures, Measured, Numbers, stream};
 use lockstep::participant::ParameterError;
 use lockstep::wire;
 use serde::{Deserialize, Serialize};
@@ -11,6 +11,7 @@ use tape::StreamSpec;
 
 use super::Summary;
 use super::criteria::evaluate_criteria;
+use super::jerk::Jerk;
 use super::parameters::{Criteria, Parameters};
 use super::peak::{larger, largest, smaller};
 
@@ -26,7 +27,7 @@ pub struct Capture {
     command: CommandFields,
     grasp_at: f64,
     criteria: Criteria,
-    limits: [f64; 13],
+    pub(super) limits: [f64; 13],
     accumulated: Accumulated,
 }
 
@@ -54,6 +55,7 @@ struct TruthFields {
 #[derive(Debug)]
 struct CommandFields {
     stream: usize,
+    offset: f64,
     period: f64,
     torque: Numbers<3>,
     force: Numbers<3>,
@@ -89,27 +91,6 @@ struct LastTruth {
     impact_loss: f64,
 }
 
-/// The integral of the squared jerk, from second differences of the velocity at the controller's samples. The command is
-/// held between them, so the jerk at the plant's own rate would be that of the command steps.
-#[derive(Debug, Default, Serialize, Deserialize)]
-struct Jerk {
-    samples: u64,
-    velocities: [[f64; 3]; 2],
-    integral: f64,
-}
-
-impl Jerk {
-    fn sample(&mut self, velocity: [f64; 3], period: f64) {
-        let [before, last] = self.velocities;
-        if self.samples >= 2 {
-            let second = |axis: usize| (velocity[axis] - 2.0 * last[axis] + before[axis]) / (period * period);
-            self.integral += (0..3).map(|axis| second(axis) * second(axis)).sum::<f64>() * period;
-        }
-        self.velocities = [last, velocity];
-        self.samples += 1;
-    }
-}
-
 fn norm(vector: [f64; 3]) -> f64 {
     vector.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
@@ -119,9 +100,11 @@ impl Capture {
     ///
     /// # Errors
     /// Names the stream or field that is missing, or the value that is out of range.
-    pub fn new(parameters: &Parameters, streams: &[StreamSpec]) -> Result<Self, ParameterError> {
+    pub fn new(parameters: &Parameters, setup: &AssessmentSetup) -> Result<Self, ParameterError> {
+        let streams = setup.streams;
         let number = stream(streams, "truth", parameters.truth.as_ref(), "Truth")?;
         let truth = TruthFields::new(number, &streams[number])?;
+        let plant = setup.parameters.get(&*streams[number].participant).copied();
         let number = stream(streams, "command", parameters.command.as_ref(), "Command")?;
         let command = CommandFields::new(number, &streams[number])?;
         let grasp_at = parameters.grasp_at.si();
@@ -135,7 +118,7 @@ impl Capture {
             command,
             grasp_at,
             criteria: parameters.criteria.clone(),
-            limits: parameters.limits.validated()?,
+            limits: parameters.limits.or_of(plant)?,
             accumulated: Accumulated::default(),
         })
     }
@@ -158,10 +141,10 @@ impl Capture {
         for (worst, residual) in figures.residuals.iter_mut().zip(residuals) {
             *worst = larger(*worst, residual);
         }
-        let samples = stamp / self.command.period;
+        let samples = (stamp - self.command.offset) / self.command.period;
         if (samples - samples.round()).abs() * self.command.period < 0.5 * fields.period {
             let velocity = fields.end_effector_velocity.read(payload);
-            figures.jerk.sample(velocity, self.command.period);
+            figures.jerk.sample(stamp, velocity, self.command.period);
         }
         let joints = fields.joints.read(payload);
         let [low, high] = figures.joint_range.get_or_insert([joints; 2]);
@@ -238,6 +221,7 @@ impl CommandFields {
         let key = "command";
         Ok(Self {
             stream: number,
+            offset: spec.offset.seconds(),
             period: spec.period.seconds(),
             torque: Numbers::find(spec, key, "torque_B", "N m")?,
             force: Numbers::find(spec, key, "force_B", "N")?,

@@ -2,6 +2,7 @@
 
 mod capture;
 mod criteria;
+mod jerk;
 mod parameters;
 mod peak;
 mod summary;
@@ -9,9 +10,8 @@ mod summary;
 #[cfg(test)]
 mod tests;
 
-use engine::assessment::Assessment;
+use engine::assessment::{Assessment, AssessmentSetup};
 use lockstep::participant::ParameterError;
-use tape::StreamSpec;
 
 pub use summary::Summary;
 
@@ -19,11 +19,11 @@ pub use summary::Summary;
 ///
 /// # Errors
 /// Names the key that is rejected, or the stream that is missing.
-pub fn from_table(table: &toml::Table, streams: &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> {
-    Ok(Box::new(read(table, streams)?))
+pub fn from_setup(setup: &AssessmentSetup) -> Result<Box<dyn Assessment>, ParameterError> {
+    Ok(Box::new(read(setup)?))
 }
 
-fn read(table: &toml::Table, streams: &[StreamSpec]) -> Result<capture::Capture, ParameterError> {
-    let parameters = lockstep::units::read(table)?;
-    capture::Capture::new(&parameters, streams)
+fn read(setup: &AssessmentSetup) -> Result<capture::Capture, ParameterError> {
+    let parameters = lockstep::units::read(setup.table)?;
+    capture::Capture::new(&parameters, setup)
 }

@@ -2,7 +2,9 @@
 
 use lockstep::participant::ParameterError;
 use lockstep::units::{Angle, Force, PerAxis, Quantity, QuantityKind, Time, Torque};
+use plant_proc::ActuatorParameters;
 use serde::Deserialize;
+use toml::Table;
 
 /// `[assessment]`.
 #[derive(Debug, Clone, Deserialize)]
@@ -19,7 +21,7 @@ pub struct Parameters {
     pub command: Option<String>,
     /// The limits of the actuators: commands beyond them count as saturated.
     #[serde(default)]
-    pub limits: Limits,
+    pub limits: GivenLimits,
     /// The criteria of the run.
     #[serde(default)]
     pub criteria: Criteria,
@@ -33,43 +35,63 @@ pub enum AssessmentKind {
     Capture,
 }
 
-/// The limits of the actuators; unless given, those of the stock ones.
-#[derive(Debug, Clone, Deserialize)]
+/// The limits of the actuators; unless given, those of the plant.
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Limits {
+pub struct GivenLimits {
     /// Of the wheels.
-    pub torque: PerAxis<Torque, 3>,
+    torque: Option<PerAxis<Torque, 3>>,
     /// Of the thrusters along each axis.
-    pub force: PerAxis<Force, 3>,
+    force: Option<PerAxis<Force, 3>>,
     /// Of the joint motors.
-    pub joint_torque: PerAxis<Torque, 7>,
+    joint_torque: Option<PerAxis<Torque, 7>>,
 }
 
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            torque: PerAxis::of([0.2; 3]),
-            force: PerAxis::of([9.0; 3]),
-            joint_torque: PerAxis::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
-        }
-    }
-}
-
-impl Limits {
-    /// The limits of the wheels, the thrusters and the joint motors, in this order, N m or N.
+impl GivenLimits {
+    /// The limits of the wheels, the thrusters and the joint motors, in this order, N m or N: these, and the rest from the table
+    /// `actuators` of the plant with these parameters. A plant that is not the stock one may have another table; what it does not have as
+    /// the stock plant does is that of the stock plant by default.
     ///
     /// # Errors
     /// Names the limit that is not above zero.
-    pub fn validated(&self) -> Result<[f64; 13], ParameterError> {
-        above_zero("limits.torque", &self.torque)?;
-        above_zero("limits.force", &self.force)?;
-        above_zero("limits.joint_torque", &self.joint_torque)?;
+    pub fn or_of(&self, plant: Option<&Table>) -> Result<[f64; 13], ParameterError> {
+        let stock = ActuatorParameters::default();
+        let torque = given_or_own("torque", &self.torque, plant, ["wheels", "torque"], stock.wheels.torque)?;
+        let force = given_or_own(
+            "force",
+            &self.force,
+            plant,
+            ["thrusters", "force"],
+            stock.thrusters.force,
+        )?;
+        let joints = given_or_own(
+            "joint_torque",
+            &self.joint_torque,
+            plant,
+            ["joints", "torque"],
+            stock.joints.torque,
+        )?;
         let mut limits = [0.0; 13];
-        let all = self.torque.si().into_iter().chain(self.force.si());
-        let all = all.chain(self.joint_torque.si());
+        let all = torque.si().into_iter().chain(force.si()).chain(joints.si());
         limits.iter_mut().zip(all).for_each(|(slot, limit)| *slot = limit);
         Ok(limits)
     }
+}
+
+fn given_or_own<K: QuantityKind, const N: usize>(
+    name: &str,
+    given: &Option<PerAxis<K, N>>,
+    plant: Option<&Table>,
+    [group, key]: [&str; 2],
+    stock: PerAxis<K, N>,
+) -> Result<PerAxis<K, N>, ParameterError> {
+    if let Some(given) = given {
+        above_zero(&format!("limits.{name}"), given)?;
+        return Ok(given.clone());
+    }
+    // an actuator of the plant may be switched off by a limit of zero
+    let own = || plant?.get("actuators")?.get(group)?.get(key)?.clone().try_into().ok();
+    Ok(own().unwrap_or(stock))
 }
 
 /// Upper limits of figures that a scenario's measures cannot express. No criterion unless given.

@@ -86,6 +86,7 @@ impl Summary {
         .with(measures);
         let captured = figures.met() && !figures.criteria.is_empty();
         figures.values.insert("captured".into(), captured.into());
+        figures.success = Some("captured");
         figures.headline = Some(match (&figures.incomplete, captured) {
             (Some(reason), _) => format!("no capture: {reason}"),
             (None, true) => "captured".to_owned(),

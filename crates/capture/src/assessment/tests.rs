@@ -5,7 +5,9 @@ use lockstep::port::Message;
 use lockstep::time::Rational;
 use tape::StreamSpec;
 
-use engine::assessment::{Assessment, Criterion, Measured};
+use engine::assessment::{Assessment, AssessmentSetup, Criterion, Measured};
+use lockstep::participant::ParameterError;
+use toml::Table;
 
 use super::capture::Capture;
 use super::read;
@@ -28,9 +30,18 @@ fn streams() -> Vec<StreamSpec> {
     ]
 }
 
+fn read_with(table: &str, streams: &[StreamSpec], plant: &str) -> Result<Capture, ParameterError> {
+    let plant: Table = toml::from_str(plant).unwrap();
+    read(&AssessmentSetup {
+        table: &toml::from_str(table).unwrap(),
+        streams,
+        parameters: [("plant", &plant)].into(),
+    })
+}
+
 fn assessment(extra: &str) -> Capture {
     let text = format!("kind = 'capture'\ngrasp_at = '0.05 s'\n{extra}");
-    read(&toml::from_str(&text).unwrap(), &streams()).unwrap()
+    read_with(&text, &streams(), "").unwrap()
 }
 
 /// Feeds 0.1 s of samples: the truth first and then the commands, or both in time order.
@@ -234,7 +245,7 @@ fn early_end_is_no_capture_and_gives_the_reason() {
 #[test]
 fn invalid_table_is_rejected_with_its_key() {
     let refuse = |text: &str, streams: &[StreamSpec]| {
-        let error = read(&toml::from_str(text).unwrap(), streams).err().unwrap();
+        let error = read_with(text, streams, "").err().unwrap();
         (error.key, error.reason)
     };
     let good = "kind = 'capture'\ngrasp_at = '30 s'\n";
@@ -286,4 +297,56 @@ fn invalid_table_is_rejected_with_its_key() {
     assert_eq!(key, "truth");
     assert!(reason.contains("controller.command"), "{reason}");
     assert_eq!(refuse("kind = 'capture'", &streams()).1, "missing field `grasp_at`");
+}
+
+/// A run that was stopped after its grasp met every criterion so far; it is no capture all the same.
+#[test]
+fn unfinished_run_is_no_capture() {
+    let held = |_: f64| Truth {
+        grasped: true,
+        ..Truth::default()
+    };
+    let mut complete = feed_samples("[criteria]\nsaturated_fraction = 0.5", false, held, |_| {
+        Command::default()
+    });
+    let figures = complete.finish(Vec::new());
+    assert_eq!(figures.values["captured"], true);
+    let unfinished = figures.of_unfinished();
+    assert_eq!(unfinished.values["captured"], false);
+    assert_eq!(unfinished.values["incomplete"], "the run did not complete");
+    assert!(
+        unfinished.text().starts_with("no verdict: the run did not complete"),
+        "{}",
+        unfinished.text()
+    );
+}
+
+#[test]
+fn limits_are_those_of_the_plant_unless_given() {
+    let plant = "[actuators]\nwheels = { torque = '60 mN m' }\nthrusters = { force = '[0.6, 0, 9] N' }";
+    let stock_joints = [320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0];
+    let limits = |extra: &str, plant: &str| {
+        let text = format!("kind = 'capture'\ngrasp_at = '30 s'\n{extra}");
+        read_with(&text, &streams(), plant).unwrap().limits
+    };
+    let joined = |first: [f64; 6], joints: [f64; 7]| [&first[..], &joints[..]].concat();
+    let near = |found: [f64; 13], expected: Vec<f64>| {
+        assert!(
+            found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-15),
+            "{found:?} {expected:?}"
+        );
+    };
+    near(limits("", ""), joined([0.2, 0.2, 0.2, 9.0, 9.0, 9.0], stock_joints));
+    near(
+        limits("", plant),
+        joined([0.06, 0.06, 0.06, 0.6, 0.0, 9.0], stock_joints),
+    );
+    let given = "[limits]\nforce = '3 N'\njoint_torque = '5 N m'";
+    near(
+        limits(given, plant),
+        joined([0.06, 0.06, 0.06, 3.0, 3.0, 3.0], [5.0; 7]),
+    );
+    // another plant's table
+    let other = "actuators = ['a', 'b']";
+    near(limits("", other), joined([0.2, 0.2, 0.2, 9.0, 9.0, 9.0], stock_joints));
 }

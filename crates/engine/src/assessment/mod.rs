@@ -3,12 +3,14 @@
 mod criterion;
 mod fields;
 mod measured;
+mod setup;
 
 use serde_json::{Map, Value};
 
 pub use criterion::{Criterion, unit_suffix};
 pub use fields::{Numbers, stream};
 pub use measured::Measured;
+pub use setup::AssessmentSetup;
 
 /// The figures of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -21,6 +23,8 @@ pub struct Figures {
     pub criteria: Vec<Criterion>,
     /// Why there is no verdict, when the run ended too early.
     pub incomplete: Option<String>,
+    /// The name of the value that says whether the run succeeded, where the assessment has one.
+    pub success: Option<&'static str>,
     /// The verdict as text, where the assessment gives one; else it follows from the criteria.
     pub headline: Option<String>,
     /// The values as text, a line each.
@@ -45,9 +49,14 @@ impl Figures {
     /// The figures of a run that did not reach its end: there is no verdict, and no headline that is one.
     #[must_use]
     pub fn of_unfinished(mut self) -> Figures {
-        if self.incomplete.is_none() {
-            self.incomplete = Some("the run did not complete".to_owned());
-            self.headline = None;
+        let reason = "the run did not complete";
+        self.incomplete = Some(reason.to_owned());
+        self.headline = None;
+        if let Some(success) = self.success {
+            self.values.insert(success.to_owned(), false.into());
+        }
+        if let Some(incomplete) = self.values.get_mut("incomplete") {
+            *incomplete = reason.into();
         }
         self
     }

@@ -359,6 +359,8 @@ impl Run {
     pub(super) fn conclude(mut self) -> Outcome {
         let run_state = &mut self.run_state;
         run_state.options.progress.report(Report::Over);
+        let origin = run_state.options.origin.as_ref();
+        let resumed_s = origin.map(|origin| origin.checkpoint.time.seconds());
         self.executor.shut_down(run_state);
         let report = self.executor.report();
         drop(self.executor);
@@ -409,6 +411,7 @@ impl Run {
             folder: folder.map(|folder| folder.root().to_owned()),
             ending,
             simulated_s,
+            resumed_s,
             wall_s: self.wall.as_secs_f64(),
             ended_at,
             digest,

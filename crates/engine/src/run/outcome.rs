@@ -163,6 +163,8 @@ pub struct Outcome {
     pub ending: Ending,
     /// Simulated time reached, s.
     pub simulated_s: f64,
+    /// For a run from a checkpoint, the instant of the checkpoint, s.
+    pub resumed_s: Option<f64>,
     /// Wall time between the first activation and the last sample on the tape, s.
     pub wall_s: f64,
     /// When the orchestrator determined how the run ends.
@@ -201,10 +203,15 @@ impl Outcome {
         }
     }
 
-    /// Simulated time over wall time.
+    /// The time that this run itself simulated, s.
+    pub fn own_simulated_s(&self) -> f64 {
+        self.simulated_s - self.resumed_s.unwrap_or(0.0)
+    }
+
+    /// The time that this run simulated over wall time.
     pub fn real_time_factor(&self) -> f64 {
         if self.wall_s > 0.0 {
-            self.simulated_s / self.wall_s
+            self.own_simulated_s() / self.wall_s
         } else {
             0.0
         }
@@ -231,6 +238,9 @@ impl Outcome {
         }
         all.insert("ending".into(), json!(self.ending));
         all.insert("simulated_time_s".into(), json!(self.simulated_s));
+        if let Some(resumed) = self.resumed_s {
+            all.insert("resumed_from_s".into(), json!(resumed));
+        }
         all.insert("wall_time_s".into(), json!(self.wall_s));
         all.insert("real_time_factor".into(), json!(self.real_time_factor()));
         all.insert(

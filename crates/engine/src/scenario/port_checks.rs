@@ -7,7 +7,7 @@ use tape::StreamSpec;
 use super::error::ScenarioError;
 use super::resolve::Scenario;
 use super::{guards, measures, recorded, report_view};
-use crate::assessment::Assessment;
+use crate::assessment::{Assessment, AssessmentSetup};
 use crate::measures::{CombinedAssessment, Definition, Measures};
 use crate::run::{RecordedPart, SampleGuard};
 
@@ -62,10 +62,17 @@ impl Scenario {
     /// Reports the key that is refused.
     pub fn assess(&self, streams: &[StreamSpec]) -> Result<Option<Box<dyn Assessment>>, ScenarioError> {
         let own = || {
-            let assessment = self
-                .assessment
-                .as_ref()
-                .map(|table| self.builtins().assess(table, streams));
+            let assessment = self.assessment.as_ref().map(|table| {
+                let parameters = self
+                    .participants
+                    .iter()
+                    .map(|entry| (&*entry.setup.name, &entry.setup.parameters));
+                self.builtins().assess(&AssessmentSetup {
+                    table,
+                    streams,
+                    parameters: parameters.collect(),
+                })
+            });
             assessment
                 .transpose()
                 .map_err(|error| self.assessment_refusal(&error.key, &error.reason))

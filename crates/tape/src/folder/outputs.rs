@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::paths::{FolderError, RunFolder, io_error};
 
 /// The file that lists the outputs.
-pub(super) const OUTPUTS_FILE: &str = "outputs.json";
+pub const OUTPUTS_FILE: &str = "outputs.json";
 
 /// The files below a run folder that were written on request, by their paths in it.
 #[derive(Debug, Default, Serialize, Deserialize)]

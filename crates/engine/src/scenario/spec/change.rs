@@ -35,6 +35,9 @@ pub(super) fn change(table: &mut Table, origin: &mut Origin, one: &str, how: &'s
     set(table, origin, key, value, how)
 }
 
+/// The most parts of a key. What reads a scenario follows its tables recursively.
+const PARTS_MAX: usize = 64;
+
 /// Sets `key` to `value`; `how` is the origin of the change.
 pub(super) fn set(
     mut table: &mut Table,
@@ -51,6 +54,14 @@ pub(super) fn set(
     let (last, above) = parts.split_last().expect("split gives at least one part");
     if parts.iter().any(|part| part.is_empty()) {
         return Err(refuse(key, "a key has no empty parts".into()));
+    }
+    if parts.len() > PARTS_MAX {
+        let shown: String = key.chars().take(60).collect();
+        let reason = format!(
+            "a key has at most {PARTS_MAX} parts, and this one has {} ({how})",
+            parts.len()
+        );
+        return Err(refuse(&format!("{shown}…"), reason));
     }
     // Mistakes call an entry of a list by its name, so the change is known by it too, however the entry was called.
     let mut named: Vec<String> = parts.iter().map(|part| (*part).to_owned()).collect();
