@@ -57,6 +57,34 @@ fn identical(output: &ProgramOutput) -> u64 {
     result["comparison"]["samples"].as_u64().expect("a count")
 }
 
+/// Streams that the participant neither reads nor publishes may be recorded in part.
+#[test]
+fn replay_needs_only_the_streams_of_its_participant() {
+    let folder = Folder::new("replay-parts");
+    let run_with = |record: &str| {
+        let _ = std::fs::remove_dir_all(folder.path().join("run"));
+        let settings = ["--set", "duration=2s", "--set", record];
+        recorded(&folder, &root().join("scenarios/close.toml"), &settings)
+    };
+    let refused = |run: &Path, participant_name: &str, stream: &str| {
+        let output = replay(run, participant_name, &[]);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        let reason = format!("`record` leaves out samples of `{stream}`");
+        assert!(output.stderr.contains(&reason), "{output:?}");
+    };
+    let run = run_with("record.plant.truth={ every = \"10 ms\" }");
+    for participant_name in ["controller", "guidance"] {
+        assert!(
+            identical(&replay(&run, participant_name, &[])) > 0,
+            "{participant_name}"
+        );
+    }
+    refused(&run, "plant", "plant.truth");
+    let run = run_with("record.plant.housekeeping={ from = \"1 s\" }");
+    assert!(identical(&replay(&run, "guidance", &[])) > 0);
+    refused(&run, "controller", "plant.housekeeping");
+}
+
 #[test]
 fn replay_of_every_stock_participant_is_identical() {
     let folder = Folder::new("replay");

@@ -91,10 +91,10 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     // Without changes the result is the same from any checkpoint.
     let at = args.from.filter(|at| !args.set.is_empty() && *at > checkpoint.time);
     if !args.execution.common.quiet {
-        let and = at
-            .map(|at| format!(", with changes from t = {at} on"))
-            .unwrap_or_default();
-        eprintln!("continuing from the checkpoint at t = {}{and}", checkpoint.time);
+        for warning in capture::start_values::warnings(&scenario, &unchanged) {
+            eprintln!("warning: {warning}");
+        }
+        print_start(checkpoint.time, at);
     }
     let run = args.run.clone();
     let origin = Origin { run, checkpoint };
@@ -111,4 +111,12 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
             Ok(failure.exit_code())
         }
     }
+}
+
+fn print_start(checkpoint: Rational, changed_at: Option<Rational>) {
+    let and = changed_at.map(|at| format!(", with changes from t = {at} on"));
+    eprintln!(
+        "continuing from the checkpoint at t = {checkpoint}{}",
+        and.unwrap_or_default()
+    );
 }

@@ -60,7 +60,8 @@ impl Thrusters {
         }
         let pulse_steps = match parameters.minimum_on.map(|on| on.si()) {
             None => None,
-            Some(on) if on > 0.0 && on / period < 1e6 => Some((on / period).round_ties_even().max(1.0) as u32),
+            // at least so long, in whole steps; a quotient is rounded, so that a multiple of the period is one
+            Some(on) if on > 0.0 && on / period < 1e6 => Some((on / period - 1e-6).ceil().max(1.0) as u32),
             Some(on) => {
                 let reason = format!("{on} s is not a shortest firing; write for example \"20 ms\", or leave it out");
                 return Err(ParameterError::new("actuators.thrusters.minimum_on", reason));
@@ -167,6 +168,24 @@ mod tests {
                 .all(|(made, expected)| (made - expected).abs() < 1e-15),
             "{thrust:?}"
         );
+    }
+
+    #[test]
+    fn firing_is_never_shorter_than_the_minimum() {
+        for (on, period, steps) in [
+            (0.02, 0.001, 20),
+            (0.012, 0.005, 3),
+            (0.0024, 0.001, 3),
+            (0.0004, 0.001, 1),
+            (0.3, 0.1, 3),
+        ] {
+            let parameters = ThrusterParameters {
+                minimum_on: Some(Quantity::of(on)),
+                ..ThrusterParameters::default()
+            };
+            let thrusters = Thrusters::new(&parameters, period).unwrap();
+            assert_eq!(thrusters.pulse_steps, Some(steps), "{on} s in steps of {period} s");
+        }
     }
 
     #[test]

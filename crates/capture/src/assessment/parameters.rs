@@ -87,7 +87,7 @@ fn given_or_own<K: QuantityKind, const N: usize>(
 ) -> Result<PerAxis<K, N>, ParameterError> {
     if let Some(given) = given {
         above_zero(&format!("limits.{name}"), given)?;
-        return Ok(given.clone());
+        return Ok(*given);
     }
     // an actuator of the plant may be switched off by a limit of zero
     let own = || plant?.get("actuators")?.get(group)?.get(key)?.clone().try_into().ok();

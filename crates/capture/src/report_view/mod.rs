@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use lockstep::time::Rational;
+use lockstep::units::convert;
 use report::view::{Computed, Figure, Formula, Signal, View};
 use tape::StreamSpec;
 use toml::{Table, Value};
@@ -123,53 +124,47 @@ fn schedule(plan: &Table) -> Vec<(String, Rational)> {
 /// other tables, and no limits are drawn then.
 fn actuator_limits(plan: &Table) -> BTreeMap<&'static str, Vec<f64>> {
     let mut limits = BTreeMap::new();
-    let lookup = |table: &Table, path: &[&str]| {
+    let lookup = |table: &Table, path: &[&str], unit: &str| {
         let (last, folders) = path.split_last()?;
         let inner = folders
             .iter()
             .try_fold(table, |table, key| table.get(*key)?.as_table())?;
-        let numbers = parse_base_units(inner.get(*last)?);
+        let numbers = numbers_in(inner.get(*last)?, unit);
         (!numbers.is_empty()).then_some(numbers)
     };
     for table in parameters(plan).filter_map(|parameters| parameters.get("actuators")?.as_table()) {
-        for (key, path) in [
-            ("base_torque", ["wheels", "torque"]),
-            ("wheel_momentum", ["wheels", "momentum"]),
-            ("base_force", ["thrusters", "force"]),
-            ("joint_torque", ["joints", "torque"]),
+        for (key, path, unit) in [
+            ("base_torque", ["wheels", "torque"], "N m"),
+            ("wheel_momentum", ["wheels", "momentum"], "N m s"),
+            ("base_force", ["thrusters", "force"], "N"),
+            ("joint_torque", ["joints", "torque"], "N m"),
         ] {
-            if let Some(numbers) = lookup(table, &path) {
+            if let Some(numbers) = lookup(table, &path, unit) {
                 limits.insert(key, numbers);
             }
         }
     }
-    for (key, name) in [
-        ("base_torque", "torque"),
-        ("base_force", "force"),
-        ("joint_torque", "joint_torque"),
+    for (key, name, unit) in [
+        ("base_torque", "torque", "N m"),
+        ("base_force", "force", "N"),
+        ("joint_torque", "joint_torque", "N m"),
     ] {
-        if let (false, Some(numbers)) = (limits.contains_key(key), lookup(plan, &["assessment", "limits", name])) {
+        let given = lookup(plan, &["assessment", "limits", name], unit);
+        if let (false, Some(numbers)) = (limits.contains_key(key), given) {
             limits.insert(key, numbers);
         }
     }
     limits
 }
 
-/// Parses `"0.2 N m"`, `"[320, 40] N m"`, `9.0`; returns nothing for a unit with a prefix, rather than a wrong line.
-fn parse_base_units(value: &Value) -> Vec<f64> {
-    let text = match value {
-        Value::Float(x) => return vec![*x],
-        Value::Integer(x) => return vec![*x as f64],
-        Value::Array(items) => return items.iter().flat_map(parse_base_units).collect(),
-        Value::String(text) => text.replace(['[', ']', ','], " "),
-        _ => return Vec::new(),
-    };
-    let words = text.split_whitespace();
-    let (numbers, unit): (Vec<&str>, Vec<&str>) = words.partition(|word| word.parse::<f64>().is_ok());
-    if ["N m", "N", "N m s"].contains(&&*unit.join(" ")) {
-        numbers.iter().filter_map(|number| number.parse().ok()).collect()
-    } else {
-        Vec::new()
+/// The numbers of `"0.2 N m"`, `"[320, 40] N m"` or `9.0` in `unit`; none for what is no quantity of its dimension.
+fn numbers_in(value: &Value, unit: &str) -> Vec<f64> {
+    match value {
+        Value::Float(x) => vec![*x],
+        Value::Integer(x) => vec![*x as f64],
+        Value::Array(items) => items.iter().flat_map(|item| numbers_in(item, unit)).collect(),
+        Value::String(text) => convert(text, unit).map_or(Vec::new(), |(numbers, _)| numbers),
+        _ => Vec::new(),
     }
 }
 
@@ -181,8 +176,8 @@ mod tests {
     fn limits_come_from_the_plan() {
         let plan = r#"
             [participants.plant.parameters.actuators]
-            wheels = { torque = "0.2 N m", momentum = "12 N m s" }
-            thrusters = { force = "9 kN" }
+            wheels = { torque = "200 mN m", momentum = "12 kg m^2/s" }
+            thrusters = { force = "9 of them" }
             joints = { torque = "[320, 40.5] N m" }
             [participants.guidance.parameters]
             schedule = { start = "1 s", point = "20 s" }

@@ -14,7 +14,8 @@ use crate::scenario::{
 /// The names of the participants that replace others in a replay.
 #[derive(Debug, Default)]
 pub(super) struct StandIns {
-    subject: String,
+    /// The participant that is replayed.
+    pub(super) subject: String,
     /// The player of the participant's own outputs, if it feeds itself.
     pub(super) own_player: String,
     /// The listener to the participant's outputs.
@@ -34,7 +35,7 @@ impl StandIns {
 
     /// The name of the player of the outputs of `producer`: the producer's own, which names its random streams, except where the
     /// participant feeds itself.
-    fn player(&self, producer: &str) -> String {
+    pub(super) fn player(&self, producer: &str) -> String {
         if producer == self.subject {
             self.own_player.clone()
         } else {
@@ -97,7 +98,7 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
     let output_ports: Vec<String> = output_ports.map(|spec| spec.port.clone()).collect();
     output_ports
         .iter()
-        .try_for_each(|port| check_all_recorded(spec, subject, port, "says"))?;
+        .try_for_each(|port| check_all_recorded(spec, subject, port, "publishes"))?;
     insert_player(stand_ins.listener.clone(), subject, &output_ports, Role::Listener)?;
     for port in output_ports {
         let connection = ConnectionSpec::new(&format!("{subject}.{port}"), &format!("{}.{port}", stand_ins.listener));
