@@ -70,7 +70,7 @@ fn replay_needs_only_the_streams_of_its_participant() {
         let output = replay(run, participant_name, &[]);
         assert_eq!(output.code, Some(2), "{output:?}");
         let reason = format!("`record` leaves out samples of `{stream}`");
-        assert!(output.stderr.contains(&reason), "{output:?}");
+        assert!(output.err.contains(&reason), "{output:?}");
     };
     let run = run_with("record.plant.truth={ every = \"10 ms\" }");
     for participant_name in ["controller", "guidance"] {
@@ -80,9 +80,9 @@ fn replay_needs_only_the_streams_of_its_participant() {
         );
     }
     refused(&run, "plant", "plant.truth");
-    let run = run_with("record.plant.housekeeping={ from = \"1 s\" }");
-    assert!(identical(&replay(&run, "guidance", &[])) > 0);
-    refused(&run, "controller", "plant.housekeeping");
+    let run = run_with("record.plant.target={ from = \"1 s\" }");
+    assert!(identical(&replay(&run, "controller", &[])) > 0);
+    refused(&run, "guidance", "plant.target");
 }
 
 #[test]
@@ -327,7 +327,11 @@ fn tape_that_lacks_needed_streams_is_refused_by_name() {
     let folder = Folder::new("replay-record");
     for (participant_name, what, does) in [
         ("controller", "record.plant.measured=false", "reads"),
-        ("guidance", "record.guidance.setpoint={ every = \"100 ms\" }", "says"),
+        (
+            "guidance",
+            "record.guidance.setpoint={ every = \"100 ms\" }",
+            "publishes",
+        ),
     ] {
         let run = recorded(
             &folder,

@@ -2,7 +2,9 @@
 
 use core::marker::PhantomData;
 
-use super::F64x4;
+use super::vectors::F64x4;
+#[cfg(target_arch = "x86_64")]
+use super::{eight, vectors::F64x8};
 use crate::num::number::{Computation, Lanes};
 
 /// Code that is compiled for every number of lanes, for [`with_lanes`].
@@ -42,8 +44,8 @@ pub trait ForLanes {
 #[inline]
 pub fn with_lanes<C: ForLanes>(count: usize, code: C) -> C::Output {
     #[cfg(target_arch = "x86_64")]
-    if count > F64x4::WIDTH && super::eight::is_available() {
-        return super::F64x8::compute(InLanes(code, PhantomData::<super::F64x8>));
+    if count > F64x4::WIDTH && eight::is_available() {
+        return F64x8::compute(InLanes(code, PhantomData::<F64x8>));
     }
     let _ = count;
     code.run::<F64x4>()
@@ -56,8 +58,8 @@ pub fn with_lanes<C: ForLanes>(count: usize, code: C) -> C::Output {
 /// ```
 pub fn lanes_max() -> usize {
     #[cfg(target_arch = "x86_64")]
-    if super::eight::is_available() {
-        return super::F64x8::WIDTH;
+    if eight::is_available() {
+        return F64x8::WIDTH;
     }
     F64x4::WIDTH
 }

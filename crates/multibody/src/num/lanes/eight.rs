@@ -1,7 +1,7 @@
 //! Operations on eight doubles with AVX-512.
 //!
 //! They are one instruction each inside [`compute`], and slow calls elsewhere. On a processor without AVX-512 they would be undefined
-//! behaviour: [`F64x8`](super::F64x8) can only be named after [`is_available`] returned true.
+//! behaviour: `F64x8` can only be named after [`is_available`] returned true.
 
 use core::arch::x86_64::*;
 
