@@ -151,6 +151,33 @@ fn subset_counts_frequent_event_in_one_level() {
     );
 }
 
+/// The states of a single level are a plain random sample, so the interval is that of a proportion, up to a sample that misses always.
+#[test]
+fn subset_interval_of_one_level_is_that_of_a_proportion() {
+    let settings = Settings {
+        points: 100,
+        ..Settings::default()
+    };
+    let always = simulate(settings, 1, 1, |z| z[0] + 10.0);
+    assert_eq!(
+        (always.probability, always.points, always.equivalent),
+        (1.0, 100, 100.0)
+    );
+    // Wilson: 100 / (100 + 1.96²)
+    assert!((always.interval[0] - 0.963).abs() < 1e-4, "{:?}", always.interval);
+    assert_eq!(always.interval[1], 1.0);
+    for (share, seeds) in [(0.98, 400), (0.5, 400)] {
+        let event = normal_quantile(share);
+        let all = (0..seeds).map(|seed| simulate(settings, 900 + seed, 1, |z| event - z[0]));
+        let covered = all.filter(|one| (one.interval[0]..=one.interval[1]).contains(&share));
+        let covered = covered.count();
+        assert!(
+            covered * 100 >= 92 * seeds as usize,
+            "{covered} of {seeds} around {share}"
+        );
+    }
+}
+
 #[test]
 fn subset_bounds_event_that_never_occurs() {
     let estimate = simulate(

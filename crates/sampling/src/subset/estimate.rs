@@ -1,6 +1,7 @@
 //! Estimate of the probability from the levels.
 
 use crate::distribution::{normal_quantile, student_quantile};
+use crate::statistics::wilson;
 
 use super::chains::ChainState;
 
@@ -61,6 +62,12 @@ impl Level {
         }
     }
 
+    /// The 95 % interval of its share, for a first level: its states are a plain random sample.
+    fn proportion_interval(&self) -> [f64; 2] {
+        let count = (self.share * self.states as f64).round() as usize;
+        wilson(count, self.states).into()
+    }
+
     /// Variance inflation of the states of its chains relative to independent ones.
     fn inflation(&self) -> f64 {
         let independent = (1.0 - self.share) / (self.share * self.states as f64);
@@ -104,7 +111,8 @@ pub struct Estimate {
     /// proportions of their descendants. Zero when no event was found.
     pub ancestors: f64,
     /// The 95 % interval: Student's distribution of the estimate's logarithm, with twice as many degrees of freedom as there are
-    /// `ancestors`; from zero to a bound when no event was found.
+    /// `ancestors`; Wilson's where the first level is the only one, because its states are independent; from zero to a bound when no
+    /// event was found.
     pub interval: [f64; 2],
     /// Whether the thresholds stopped rising because the score takes few distinct values.
     pub stuck: bool,
@@ -139,18 +147,19 @@ impl Estimate {
             probability,
             variation: if found { variation } else { f64::INFINITY },
             ancestors,
-            interval: if found {
-                confidence_interval(probability, variation, ancestors)
-            } else {
-                [0.0, upper_bound(levels)]
+            interval: match levels {
+                [only] if found => only.proportion_interval(),
+                _ if found => confidence_interval(probability, variation, ancestors),
+                _ => [0.0, upper_bound(levels)],
             },
             stuck,
             levels: levels.to_vec(),
             points,
-            equivalent: if found {
-                (1.0 - probability) / (probability * variation * variation)
-            } else {
-                f64::INFINITY
+            equivalent: match levels {
+                // Where every state is in the event, the formula is zero by zero.
+                [only] if found => only.states as f64,
+                _ if found => (1.0 - probability) / (probability * variation * variation),
+                _ => f64::INFINITY,
             },
             centre: (0..coordinates).map(mean).collect(),
         }
