@@ -288,10 +288,36 @@ fn invalid_distribution_names_its_parameter() {
                 from: 50.0,
                 to: 51.0,
             },
-            "mean",
+            "from",
         ),
     ] {
         assert_eq!(scalar.check().unwrap_err().parameter, parameter);
     }
     assert!(Weights::new(&[0.0, 0.0]).is_err() && Weights::new(&[1.0, -1.0]).is_err() && Weights::new(&[]).is_err());
+}
+
+/// There are such numbers, but their probability is too small to be drawn from: the bound is named, and how far away it is.
+#[test]
+fn far_bound_of_truncated_normal_is_refused_for_its_distance() {
+    let check = |from: f64, to: f64| {
+        let refused = Scalar::TruncatedNormal {
+            mean: 1.0,
+            deviation: 2.0,
+            from,
+            to,
+        }
+        .check();
+        refused.map_err(|error| (error.parameter, error.reason))
+    };
+    for (from, to, parameter, words) in [
+        (f64::NEG_INFINITY, -69.0, "to", "-69 is 35 deviations below the mean 1"),
+        (71.0, f64::INFINITY, "from", "71 is 35 deviations above the mean 1"),
+    ] {
+        let (wrong, reason) = check(from, to).unwrap_err();
+        assert_eq!(wrong, parameter);
+        assert!(reason.contains(words) && reason.contains("33"), "{reason}");
+    }
+    assert!(check(f64::NEG_INFINITY, -65.0).is_ok() && check(67.0, f64::INFINITY).is_ok());
+    let (wrong, reason) = check(1.0, 1.0 + f64::EPSILON).unwrap_err();
+    assert!(wrong == "to" && reason.contains("too close"), "{wrong}: {reason}");
 }

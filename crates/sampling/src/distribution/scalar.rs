@@ -52,6 +52,9 @@ pub enum Scalar {
 /// Smallest probability mass of a normal distribution that can be sampled.
 const MASS_MIN: f64 = 1e-250;
 
+/// Number of standard deviations beyond which a tail of a normal distribution has less than [`MASS_MIN`], rounded down.
+const DEVIATIONS_MAX: f64 = 33.0;
+
 impl Scalar {
     /// Checks the parameters.
     ///
@@ -87,8 +90,7 @@ impl Scalar {
                 if cumulative(high) - cumulative(low) > MASS_MIN {
                     Ok(())
                 } else {
-                    let text = format!("no draw of a normal distribution around {mean} lies between {from} and {to}");
-                    Err(invalid("mean", text))
+                    Err(too_little_mass(mean, deviation, from, to))
                 }
             }
             Scalar::LogNormal { median, log_deviation } => {
@@ -136,6 +138,21 @@ impl Scalar {
             }
         }
     }
+}
+
+/// The reason why the part of a normal distribution between two bounds cannot be drawn from: it is far out, or narrow.
+fn too_little_mass(mean: f64, deviation: f64, from: f64, to: f64) -> InvalidParameter {
+    let (key, bound) = if from > mean { ("from", from) } else { ("to", to) };
+    let away = (bound - mean).abs() / deviation;
+    if (from..=to).contains(&mean) || away < DEVIATIONS_MAX {
+        let reason = format!("{to} is too close to `from` = {from} to draw a number between them: widen the interval");
+        return invalid("to", reason);
+    }
+    let side = if key == "to" { "below" } else { "above" };
+    let reason = format!(
+        "{bound} is {away:.0} deviations {side} the mean {mean}, and numbers more than {DEVIATIONS_MAX} away cannot be drawn: move it or the mean"
+    );
+    invalid(key, reason)
 }
 
 /// An interval, or its mirror image where it lies above zero.
