@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use lockstep::units::convert;
 use report::page::split_unit;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -115,7 +116,7 @@ impl Figures {
         }
     }
 
-    /// The first figure that differs in `other`, as text for both.
+    /// The first figure that differs in `other`, or that only one of the two has, as text for both.
     pub fn difference(&self, other: &Figures) -> Option<(String, String)> {
         let words = |number: &Number| {
             let value = number
@@ -125,9 +126,30 @@ impl Figures {
                 .trim_end()
                 .to_owned()
         };
-        let pairs = self.numbers().zip(other.numbers());
-        let mut pairs = pairs.map(|(own, its)| (words(&own), words(&its)));
-        pairs.find(|(own, its)| own != its)
+        let of = |figures: &Figures, number: &Number| {
+            let mut all = figures.numbers();
+            let own = all.find(|own| own.key == number.key);
+            own.map_or_else(|| format!("no {}", number.name), |own| words(&own))
+        };
+        let mut all = self.numbers().chain(other.numbers());
+        all.find_map(|number| Some((of(self, &number), of(other, &number))).filter(|(own, its)| own != its))
+    }
+
+    /// The limits of `criterion` in the unit of the figure `number`, which it judges; `None` where the factor between the two units is
+    /// not known from these figures.
+    pub fn limits_of(&self, number: &Number, criterion: &Criterion) -> Option<Vec<f64>> {
+        let limits = criterion.limit.into_iter().chain(criterion.at_least);
+        let plain = |unit: &str| if unit == "1" { String::new() } else { unit.to_owned() };
+        if plain(&number.unit) == plain(&criterion.unit) {
+            return Some(limits.collect());
+        }
+        let in_unit = |limit: f64| convert(&format!("{limit:?} {}", criterion.unit), &number.unit).ok();
+        let converted = |limit: f64| in_unit(limit).and_then(|(numbers, _)| numbers.first().copied());
+        // An assessment may have units of its own.
+        let factor = || Some(self.value(&number.key)? / criterion.value.filter(|value| *value != 0.0)?);
+        limits
+            .map(|limit| converted(limit).or_else(|| Some(limit * factor()?)))
+            .collect()
     }
 
     /// Those of a run.
@@ -258,6 +280,7 @@ impl Figures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::campaign::{Outcome, PointResult};
 
     #[test]
     fn figures_round_trip_through_json_with_gaps_and_shared_names() {
@@ -280,6 +303,38 @@ mod tests {
         assert_eq!(
             back.numbers().map(|number| number.unit).collect::<Vec<_>>(),
             ["m", "s", ""]
+        );
+    }
+
+    /// A figure is compared with the one of its key, whatever stands before it.
+    #[test]
+    fn difference_names_the_same_figure_on_both_sides() {
+        let of = |numbers: &[(&str, f64)]| {
+            let numbers = numbers.iter().map(|(key, value)| Number {
+                key: (*key).into(),
+                name: (*key).into(),
+                unit: "m".into(),
+                value: Some(*value),
+            });
+            Figures::new(numbers.collect(), Vec::new())
+        };
+        let text = |own: &str, its: &str| Some((own.to_owned(), its.to_owned()));
+        let both = of(&[("ma", 1.0), ("mb", 2.0), ("mc", 3.0)]);
+        let without = of(&[("ma", 1.0), ("mc", 3.0)]);
+        assert_eq!(without.difference(&both), text("no mb", "mb = 2 m"));
+        assert_eq!(both.difference(&without), text("mb = 2 m", "no mb"));
+        let other = of(&[("mc", 3.0), ("ma", 1.0), ("mb", 2.5)]);
+        assert_eq!(both.difference(&other), text("mb = 2 m", "mb = 2.5 m"));
+        assert_eq!(both.difference(&both), None);
+        // The tape may be the same where a figure is not.
+        let result = |figures: &Figures| PointResult {
+            figures: Some(figures.clone()),
+            tape: Some("00".into()),
+            ..PointResult::without(Outcome::Met, "")
+        };
+        assert_eq!(
+            result(&both).difference(&result(&other)),
+            text("mb = 2 m", "mb = 2.5 m")
         );
     }
 }

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::campaign::wilson;
 use crate::campaign::workers::point::Result as PointResult;
-use crate::campaign::{Column, Figures};
+use crate::campaign::{Column, Figures, Number, figure_value};
 
 /// Confidence level of all intervals.
 pub(super) const CONFIDENCE: f64 = 0.95;
@@ -62,17 +62,12 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<FigureSample> {
             values: good,
         });
     }
-    let all_figures = || results.iter().flatten().filter_map(|result| result.figures.as_ref());
+    let all_figures = || results.iter().flatten().filter_map(PointResult::final_figures);
     for number in all_figures().next().map_or(Vec::new(), Figures::ordered) {
-        let values = results.iter().map(|result| {
-            result
-                .as_ref()?
-                .figures
-                .as_ref()?
-                .value(&number.key)
-                .filter(|value| value.is_finite())
-        });
-        let (limits, lower_is_worse) = limits(&number.name, &number.key, all_figures());
+        let values = results
+            .iter()
+            .map(|result| figure_value(result.as_ref()?, &number.key).filter(|value| value.is_finite()));
+        let (limits, lower_is_worse) = limits(&number, all_figures());
         all.push(FigureSample {
             name: number.display_name(),
             unit: number.unit,
@@ -87,17 +82,15 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<FigureSample> {
 
 /// The limits of the criterion of that name, converted to the unit of the figure, which may differ from that of the
 /// criterion.
-fn limits<'a>(name: &str, key: &str, all: impl Iterator<Item = &'a Figures>) -> (Vec<f64>, bool) {
+fn limits<'a>(number: &Number, all: impl Iterator<Item = &'a Figures>) -> (Vec<f64>, bool) {
     for figures in all {
-        let Some(criterion) = figures.criteria.iter().find(|criterion| criterion.name == name) else {
+        let Some(criterion) = figures.criteria.iter().find(|criterion| criterion.name == number.name) else {
             return (Vec::new(), false);
         };
         let lower_is_worse = criterion.limit.is_none() && criterion.at_least.is_some();
-        let (Some(value), Some(own)) = (criterion.value.filter(|value| *value != 0.0), figures.value(key)) else {
-            continue;
-        };
-        let both = criterion.limit.into_iter().chain(criterion.at_least);
-        return (both.map(|limit| limit * own / value).collect(), lower_is_worse);
+        if let Some(limits) = figures.limits_of(number, criterion) {
+            return (limits, lower_is_worse);
+        }
     }
     (Vec::new(), false)
 }
@@ -205,5 +198,61 @@ impl FigureSample {
             .iter()
             .map(|one| json!([one.first, one.first_half_width, one.total, one.total_half_width]));
         Some(json!({ "rows": whole.len(), "of": rows.collect::<Vec<_>>() }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assessment::Criterion;
+    use crate::campaign::Outcome;
+
+    fn point(outcome: Outcome, value: f64, unit: &str, limit: f64) -> Option<PointResult> {
+        let number = Number {
+            key: "miss".into(),
+            name: "miss".into(),
+            unit: unit.into(),
+            value: Some(value),
+        };
+        let criterion = Criterion {
+            name: "miss".into(),
+            unit: "m".into(),
+            value: Some(if unit == "mm" { value / 1000.0 } else { value }),
+            limit: Some(limit),
+            ..Criterion::default()
+        };
+        Some(PointResult {
+            figures: Some(Figures::new(vec![number], vec![criterion])),
+            ..PointResult::without(outcome, "")
+        })
+    }
+
+    /// What a run that fails has measured until then is no figure of the run.
+    #[test]
+    fn samples_have_no_figures_of_runs_that_ended_early() {
+        let results = [
+            point(Outcome::Failed, 50.0, "m", 6.0),
+            point(Outcome::Met, 1.0, "m", 6.0),
+            point(Outcome::Crashed, -50.0, "m", 6.0),
+            None,
+            point(Outcome::NotMet, 7.0, "m", 6.0),
+        ];
+        let samples = samples(&results);
+        let miss = samples.iter().find(|sample| sample.name == "miss").unwrap();
+        assert_eq!(miss.values, [None, Some(1.0), None, None, Some(7.0)]);
+        assert_eq!(figure_value(results[0].as_ref().unwrap(), "miss"), None);
+        // The same where the first point with figures failed and no other has any.
+        assert!(super::samples(&results[..1]).is_empty());
+    }
+
+    #[test]
+    fn limits_are_those_of_the_scenario_to_every_digit() {
+        for at in 1..2000 {
+            let value = 0.1 * f64::from(at) + 0.003;
+            for (unit, limit, expected) in [("m", 6.0, 6.0), ("mm", 0.006, 6.0)] {
+                let samples = samples(&[point(Outcome::Met, value, unit, limit)]);
+                assert_eq!(samples[0].limits, [expected], "{value} {unit}");
+            }
+        }
     }
 }

@@ -6,6 +6,7 @@ use super::content::ChartContent;
 use crate::campaign::figure_value;
 use crate::campaign::figures::{Figures, Number};
 use crate::campaign::success_name;
+use crate::campaign::workers::point::Result as PointResult;
 use crate::text::three_digits;
 
 /// Maximum number of marks of a curve.
@@ -14,13 +15,7 @@ const MARKS_MAX: usize = 60;
 /// For each criterion its sorted values, as fractions of the limit, over the fraction of the points; without criteria those
 /// of the figure. The fraction of the points that is met is green. `None` where there is nothing to draw.
 pub(crate) fn draw_distribution(chart: &ChartContent<'_>) -> Option<Drawing> {
-    let with = || {
-        chart
-            .results
-            .iter()
-            .flatten()
-            .filter_map(|result| result.figures.as_ref())
-    };
+    let with = || chart.results.iter().flatten().filter_map(PointResult::final_figures);
     let mut curves = limit_fraction_curves(with);
     let (mut limits, mut y_label) = (Vec::new(), "part of the limit".to_owned());
     if curves.is_empty() {

@@ -125,19 +125,13 @@ impl<'a> KeyAxis<'a> {
         let first = first_figures(chart);
         let criteria = first.map_or(&[][..], |figures| &figures.criteria);
         if let Some(criterion) = criteria.iter().find(|criterion| criterion.name == figure.name)
-            && let (Some(value), Some(own)) = (criterion.value, first.and_then(|first| first.value(&figure.key)))
-            && value != 0.0
+            && let Some(values) = first.and_then(|first| first.limits_of(figure, criterion))
         {
-            limits.extend(
-                criterion
-                    .limit
-                    .into_iter()
-                    .chain(criterion.at_least)
-                    .map(|limit| Limit {
-                        value: limit * own / value,
-                        name: format!("limit {} {}", three_digits(limit), criterion.unit),
-                    }),
-            );
+            let own = criterion.limit.into_iter().chain(criterion.at_least);
+            limits.extend(values.into_iter().zip(own).map(|(value, limit)| Limit {
+                value,
+                name: format!("limit {} {}", three_digits(limit), criterion.unit),
+            }));
         }
         Some((y_label, curves, limits))
     }
@@ -156,7 +150,7 @@ impl<'a> KeyAxis<'a> {
             let name = criterion.name.replace('_', " ");
             let name = format!("{name} (limit {} {})", three_digits(limit), criterion.unit);
             curves.push(self.curve(&name, &|result| {
-                let judged = &result.figures.as_ref()?.criteria;
+                let judged = &result.final_figures()?.criteria;
                 let own = judged.iter().find(|own| own.name == criterion.name)?;
                 Some(own.value? / own.limit?)
             }));
@@ -165,8 +159,8 @@ impl<'a> KeyAxis<'a> {
     }
 }
 
-/// The figures of the first point that has any.
+/// The figures of the first point that ran and has any.
 fn first_figures<'a>(chart: &ChartContent<'a>) -> Option<&'a Figures> {
     let mut all = chart.results.iter().flatten();
-    all.find_map(|result| result.figures.as_ref())
+    all.find_map(PointResult::final_figures)
 }

@@ -97,7 +97,11 @@ impl StoredPoint {
     /// the point without the point's own changes.
     pub fn difference(&self, scenario: &Scenario, outcome: &run::Outcome) -> Option<String> {
         let result = self.result.as_ref().filter(|result| result.outcome.ran())?;
-        let (own, before) = PointResult::of_run(outcome).difference(result)?;
+        let own = PointResult::of_run(outcome);
+        if own.tape.is_some() && own.tape == result.tape {
+            return None;
+        }
+        let (own, before) = own.difference(result)?;
         let now = Identity::of(&self.campaign, scenario).ok()?;
         let same = (now.program, now.content) == (self.identity.program, self.identity.content);
         let why = if same {

@@ -71,8 +71,7 @@ pub fn figure_of(name: &str, known: &[Number]) -> Result<Number, CampaignError> 
     found.cloned().ok_or_else(|| CampaignError::Figure {
         name: name.to_owned(),
         known: if known.is_empty() {
-            "none before a run: the scenario has no `measures` and no `assessment`, or a program that describes its ports only when it runs"
-                .to_owned()
+            "none: the scenario has no `measures` and no `assessment`, or no point has run".to_owned()
         } else {
             let names: Vec<&str> = known.iter().map(|known| known.name.as_str()).collect();
             names.join(", ")
@@ -80,7 +79,7 @@ pub fn figure_of(name: &str, known: &[Number]) -> Result<Number, CampaignError> 
     })
 }
 
-/// The figure with this key of a point.
+/// The figure with this key of a point that ran to its end.
 pub fn figure_value(result: &PointResult, key: &str) -> Option<f64> {
-    result.figures.as_ref()?.value(key)
+    result.final_figures()?.value(key)
 }

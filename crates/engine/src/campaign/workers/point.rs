@@ -79,11 +79,19 @@ impl Result {
         }
     }
 
+    /// The figures of merit of a run that reached its end. Those of a run that ended before are of a part of it: they stand in the
+    /// table, and enter no statistics and no picture.
+    pub fn final_figures(&self) -> Option<&Figures> {
+        self.figures.as_ref().filter(|_| self.outcome.ran())
+    }
+
     /// The first difference between `self` and `other`, as text for each: the tape, the outcome, or the first figure.
     pub fn difference(&self, other: &Result) -> Option<(String, String)> {
-        if let (Some(own), Some(its)) = (&self.tape, &other.tape) {
+        if let (Some(own), Some(its)) = (&self.tape, &other.tape)
+            && own != its
+        {
             let words = |tape: &str| format!("tape {}…", tape.get(..10).unwrap_or(tape));
-            return (own != its).then(|| (words(own), words(its)));
+            return Some((words(own), words(its)));
         }
         if self.outcome != other.outcome {
             return Some((self.outcome.name().into(), other.outcome.name().into()));
