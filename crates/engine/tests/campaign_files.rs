@@ -186,6 +186,7 @@ key = "faults.1.extra-delay"
 distribution = "uniform"
 from = "1 ms"
 to = "9 ms"
+round = "0.001 ms"
 once = true
 "#
         ))
@@ -301,5 +302,27 @@ fn points_of_grids_and_matrices_are_no_sample() {
     ] {
         let plan = files.plan(&campaign).unwrap();
         assert_eq!(plan.is_sample(), sample, "{campaign}");
+    }
+}
+
+/// `unit` is the unit of the draws, so numbers without one have it.
+#[test]
+fn numbers_without_a_unit_have_that_of_the_table() {
+    let files = Files::new("own-unit");
+    for (rest, range) in [
+        ("distribution = 'uniform'\nfrom = 20\nto = 30\nunit = 'g'", 20.0..=30.0),
+        (
+            "distribution = 'uniform'\nfrom = 20\nto = '0.03 kg'\nunit = 'g'",
+            20.0..=30.0,
+        ),
+        ("distribution = 'discrete'\nvalues = [21, 22]\nunit = 'g'", 21.0..=22.0),
+    ] {
+        let plan = files.plan(&format!("points = 3\n{}", one("mass", rest))).unwrap();
+        assert!(numbers(&plan, "x").iter().all(|one| range.contains(one)));
+        let set = settings(&plan.point(0));
+        assert!(
+            set.iter().any(|one| one.contains("mass=2") && one.ends_with(" g")),
+            "{set:?}"
+        );
     }
 }

@@ -56,7 +56,7 @@ const DISPERSIONS: [Case; 32] = [
     (
         "mass",
         "distribution = 'truncated-normal'\nmean = '0 kg'\ndeviation = '1 kg'\nfrom = '50 kg'",
-        &["vary.x.mean", "no draw"],
+        &["vary.x.from", "50 is 50 deviations above the mean 0"],
     ),
     (
         "mass",
@@ -314,5 +314,72 @@ fn design_columns_are_refused_as_names_of_dispersions() {
         for name in made {
             refused(&files, &drawn(name), &[&format!("the name `{name}` is not possible")]);
         }
+    }
+}
+
+/// Draws of a time have more digits than an exact fraction, except by accident: without a step some points would be refused.
+#[test]
+fn drawn_time_without_a_step_is_refused() {
+    let files = Files::new("refused-times");
+    let table = |name: &str, key: &str, rest: &str| format!("[vary.{name}]\nkey = '{key}'\n{rest}\n");
+    let delay = "distribution = 'uniform'\nfrom = '1 ms'\nto = '9 ms'";
+    let later = "distribution = 'normal'\nas = 'offset'\ndeviation = '1 ms'";
+    let free = "[vary.free]\ndistribution = 'uniform'\nfrom = '1 ms'\nto = '9 ms'\n";
+    let computed = "distribution = 'formula'\nformula = '2 * free'\nunit = 'ms'";
+    for (above, key, rest, step) in [
+        ("", "faults.late.extra-delay", delay, "0.1 ms"),
+        ("", "faults.late.at", later, "0.1 s"),
+        (free, "faults.late.extra-delay", computed, "0.1 ms"),
+    ] {
+        let campaign = format!("points = 3\n{above}{}", table("x", key, rest));
+        let reason = format!("vary.x: draws {key}, an exact fraction of seconds");
+        let remedy = format!("round = \"{step}\"");
+        refused(&files, &campaign, &[&reason, &remedy]);
+        let rounded = format!("points = 3\n{above}{}", table("x", key, &format!("{rest}\n{remedy}")));
+        files.plan(&rounded).unwrap();
+    }
+    // A number that is no time, and times that are listed, need none.
+    let listed = table(
+        "x",
+        "faults.late.extra-delay",
+        "distribution = 'discrete'\nvalues = ['1 ms', '1/3 ms']",
+    );
+    files.plan(&format!("points = 3\n{listed}")).unwrap();
+    let mass = one("mass", "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'");
+    files.plan(&format!("points = 3\n{mass}")).unwrap();
+}
+
+#[test]
+fn mistake_in_one_key_makes_no_other_key_unknown() {
+    let files = Files::new("refused-alone");
+    for (key, rest, wrong) in [
+        (
+            "position",
+            "distribution = 'correlated-normal'\nmean = 3\ndeviations = '[1, 1, 1] m'\ncorrelations = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+            "vary.x.mean",
+        ),
+        (
+            "position",
+            "distribution = 'correlated-normal'\nmean = '[0, 0, 1] m'\ndeviations = '1 m'\ncorrelations = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+            "vary.x.deviations",
+        ),
+        (
+            "attitude",
+            "distribution = 'misalignment'\nwritten = 'euler'\ndeviation = '1 deg'",
+            "vary.x.written",
+        ),
+        (
+            "moments",
+            "distribution = 'inertia'\nlog-deviation = 'a lot'\nturn = '1 deg'",
+            "vary.x.log-deviation",
+        ),
+        (
+            "mass",
+            "distribution = 'discrete'\nvalues = 3\nlabels = ['a']\nweights = [1]",
+            "vary.x.values",
+        ),
+    ] {
+        let error = files.plan(&format!("points = 3\n{}", one(key, rest))).unwrap_err();
+        assert!(error.contains(wrong) && error.lines().count() == 1, "{error}");
     }
 }

@@ -10,6 +10,7 @@ use toml::{Table, Value};
 use super::declared::{Declared, dimension_of};
 use super::dispersions::{
     Context, DESIGNS, Design, DimensionedValue, Dispersion, Quantity, ValueSource, at_key, read_dispersion,
+    unrounded_instants,
 };
 use super::folder::any_path::AnyPath;
 use super::plan::Plan;
@@ -282,6 +283,13 @@ impl CampaignFile {
         let design = self.one_of("design", &DESIGNS, &mut mistakes).unwrap_or(Design::Random);
         let seeds = self.one_of("seeds", &[("each", true), ("same", false)], &mut mistakes);
         let dispersions = self.dispersions(scenario, &mut mistakes);
+        for [name, key, unit] in unrounded_instants(&dispersions, scenario) {
+            let reason = format!(
+                "draws {key}, an exact fraction of seconds, and a drawn number has too many digits for one: say to which step it is \
+                 rounded, for example round = \"0.1 {unit}\""
+            );
+            mistakes.push(self.mistake(&format!("vary.{name}"), reason));
+        }
         if !mistakes.is_empty() {
             return Err(self.error(mistakes));
         }

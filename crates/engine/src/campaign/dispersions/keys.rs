@@ -16,6 +16,8 @@ pub(super) struct KeyReader<'a> {
     pub(super) mistakes: Vec<(String, String)>,
     /// The unit of its quantities, once it is known.
     pub(super) unit: Option<String>,
+    /// Whether the table gives that unit, so that numbers without one have it.
+    has_own_unit: bool,
     /// Its quantities are fractions: plain numbers, or with `%`.
     pub(super) as_fractions: bool,
 }
@@ -27,8 +29,20 @@ impl<'a> KeyReader<'a> {
             used: BTreeSet::new(),
             mistakes: Vec::new(),
             unit: None,
+            has_own_unit: false,
             as_fractions: false,
         }
+    }
+
+    /// Reads the unit that the table gives, if any.
+    pub(super) fn read_unit(&mut self) {
+        self.unit = self.text("unit").map(str::to_owned);
+        self.has_own_unit = self.unit.is_some();
+    }
+
+    /// Names keys that the table may have: a mistake in one of them keeps the others from being read, and they are no unknown keys.
+    pub(super) fn expect(&mut self, keys: &[&str]) {
+        self.used.extend(keys.iter().map(|key| (*key).to_owned()));
     }
 
     pub(super) fn refuse(&mut self, key: &str, reason: impl Into<String>) {
@@ -108,10 +122,10 @@ impl<'a> KeyReader<'a> {
             None => "\"0.5 kg\"".to_owned(),
         };
         let (numbers, is_list) = if let Some((numbers, is_list)) = plain {
-            if !self.as_fractions && self.unit.as_ref().is_some_and(|unit| !unit.is_empty()) {
-                return Err(format!("{value} has no unit: write for example {}", example()));
-            }
-            if !self.as_fractions {
+            if !self.as_fractions && !self.has_own_unit {
+                if self.unit.as_ref().is_some_and(|unit| !unit.is_empty()) {
+                    return Err(format!("{value} has no unit: write for example {}", example()));
+                }
                 self.unit = Some(String::new());
             }
             (numbers, is_list)
@@ -231,6 +245,28 @@ impl<'a> KeyReader<'a> {
                 .push((key.clone(), format!("unknown key; there is {known}")));
         }
         self.mistakes
+    }
+}
+
+/// The keys of a distribution, in addition to those of every table.
+pub(super) fn keys_of(distribution: &str) -> &'static [&'static str] {
+    match distribution {
+        "uniform" => &["from", "to"],
+        "normal" => &["mean", "deviation"],
+        "truncated-normal" => &["mean", "deviation", "from", "to"],
+        "log-normal" => &["median", "log-deviation"],
+        "triangular" => &["from", "mode", "to"],
+        "discrete" => &["values", "labels", "weights"],
+        "column" => &["file", "column", "order"],
+        "constant" => &["value"],
+        "formula" => &["formula"],
+        "correlated-normal" => &["mean", "deviations", "correlations"],
+        "sphere" => &["length"],
+        "cone" => &["length", "axis", "half-angle"],
+        "rotation" => &["written"],
+        "misalignment" => &["written", "deviation"],
+        "inertia" => &["log-deviation", "turn"],
+        _ => &[],
     }
 }
 

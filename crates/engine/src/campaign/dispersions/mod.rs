@@ -3,6 +3,7 @@
 mod column;
 mod compatibility;
 mod dispersion;
+mod exact_times;
 mod formula;
 mod keys;
 mod quantity;
@@ -11,6 +12,7 @@ mod value_source;
 mod vectors;
 
 pub use dispersion::{DESIGNS, Design, Dispersion, Mode, Target};
+pub use exact_times::unrounded_instants;
 pub use formula::{DimensionedValue, Formula};
 pub use quantity::{Quantity, at_key, keys_overlap};
 pub use read::{Context, read_dispersion};

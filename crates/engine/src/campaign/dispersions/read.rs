@@ -7,7 +7,7 @@ use sampling::distribution::{Scalar, Weights, moments_are_physical};
 use toml::{Table, Value};
 
 use super::column;
-use super::keys::{KeyReader, valid_or_record};
+use super::keys::{KeyReader, keys_of, valid_or_record};
 use super::quantity::{Quantity, RoundingStep, at_key, with_entry_names};
 use super::value_source::label_of;
 use super::vectors::{attitude, correlated, direction, inertia};
@@ -84,7 +84,7 @@ pub fn read_dispersion(name: &str, table: &Table, context: &Context<'_>) -> Resu
         .collect();
     let mode = keys.one_of("as", &MODES).unwrap_or(Mode::Absolute);
     keys.as_fractions = matches!(mode, Mode::Relative | Mode::Factor);
-    keys.unit = keys.text("unit").map(str::to_owned);
+    keys.read_unit();
     let own_unit = nominals
         .first()
         .and_then(|own| own.as_ref())
@@ -98,6 +98,7 @@ pub fn read_dispersion(name: &str, table: &Table, context: &Context<'_>) -> Resu
         // Without it no other key is known to be wrong.
         return Err(keys.mistakes);
     };
+    keys.expect(keys_of(kind));
     let source = match kind {
         "uniform" | "normal" | "truncated-normal" | "log-normal" | "triangular" => scalar(&mut keys, kind),
         "discrete" => discrete(&mut keys),
