@@ -90,11 +90,53 @@ impl Journal {
 
     /// Appends a line.
     pub(crate) fn append_entry(&self, entry: &JournalEntry) -> Result<(), CampaignError> {
-        let line =
-            serde_json::to_string(entry).map_err(|error| io_error(&self.path, "write the file")(error.into()))? + "\n";
+        let line = line_of(entry).map_err(|error| io_error(&self.path, "write the file")(error.into()))?;
         (&self.file)
             .write_all(line.as_bytes())
             .map_err(io_error(&self.path, "write the file"))
+    }
+}
+
+/// The text before the check of a line, which is its last key.
+const CHECK: &[u8] = b",\"check\":\"";
+
+/// Number of hexadecimal digits of the check of a line: of 65 536 lines with a change, one is taken for unchanged.
+const CHECK_DIGITS: usize = 4;
+
+/// The check of a line that begins with `bytes`.
+fn check_of(bytes: &[u8]) -> String {
+    let mut digest = tape::Digest::of(bytes).to_string();
+    digest.truncate(CHECK_DIGITS);
+    digest
+}
+
+/// The line of an entry, with its check.
+fn line_of(entry: &JournalEntry) -> serde_json::Result<String> {
+    let mut line = serde_json::to_string(entry)?;
+    line.pop();
+    let check = check_of(line.as_bytes());
+    Ok(format!("{line},\"check\":\"{check}\"}}\n"))
+}
+
+/// Whether the check of `line` agrees with it. A line without one is one of an earlier version, or was written by hand.
+fn agrees(line: &[u8]) -> bool {
+    let Some(line) = line.strip_suffix(b"\"}\n") else {
+        return true;
+    };
+    let Some((line, check)) = line.split_at_checked(line.len().saturating_sub(CHECK_DIGITS)) else {
+        return true;
+    };
+    line.strip_suffix(CHECK)
+        .is_none_or(|line| check_of(line).as_bytes() == check)
+}
+
+/// The error of line `number` of the journal at `path`.
+fn bad_line(path: &Path, number: usize, reason: &str) -> CampaignError {
+    CampaignError::Folder {
+        path: path.to_owned(),
+        reason: format!(
+            "line {number} {reason}: remove the line, and run the campaign again, which runs its point again"
+        ),
     }
 }
 
@@ -124,11 +166,13 @@ pub(crate) fn for_each_entry(path: &Path, mut visit: impl FnMut(JournalEntry)) -
                 return Ok(complete_bytes);
             }
             Err(error) => {
-                let what =
-                    format!("line {number} is no result, and there are results behind it ({error}): remove the line");
-                return Err(io_error(path, "read the file")(io::Error::other(what)));
+                let reason = format!("is no result, and there are results behind it ({error})");
+                return Err(bad_line(path, number, &reason));
             }
         };
+        if !agrees(&line) {
+            return Err(bad_line(path, number, "is not as it was written (its check differs)"));
+        }
         complete_bytes += length as u64;
         visit(entry);
     }
@@ -171,7 +215,9 @@ mod tests {
         assert_eq!(read, [(2, false), (9, true), (3, false)]);
         // A line of which nothing can be read loses no result behind it.
         fs::write(path(&root), line(2, false) + "garbage\n" + &line(9, true)).unwrap();
-        let refused = for_each_entry(&path(&root), |_| {}).unwrap_err().to_string();
+        let refused = for_each_entry(&path(&root), |_| {}).unwrap_err();
+        assert_eq!(refused.exit_code(), 2, "the user must change the file");
+        let refused = refused.to_string();
         assert!(
             refused.contains("results.jsonl") && refused.contains("line 2"),
             "{refused}"
@@ -182,6 +228,42 @@ mod tests {
             line(2, false).len() as u64
         );
         assert!(!node.is_empty() && node != "a", "{node}");
+        fs::remove_dir_all(&root).unwrap();
+    }
+
+    #[test]
+    fn changed_line_of_journal_is_rejected_wherever_it_is() {
+        let root = std::env::temp_dir().join(format!("campaign-journal-check-{}", std::process::id()));
+        fs::create_dir_all(&root).unwrap();
+        let entry = JournalEntry {
+            point: 7,
+            values: Values::new(),
+            node: "a".into(),
+            audit: false,
+            result: PointResult::without(Outcome::Failed, "after 1.25 s"),
+        };
+        let line = line_of(&entry).unwrap();
+        let mut read = Vec::new();
+        let mut read_journal = |text: &str| {
+            fs::write(path(&root), text).unwrap();
+            for_each_entry(&path(&root), |entry| read.push(entry))
+                .map_err(|error| (error.exit_code(), error.to_string()))
+        };
+        read_journal(&line).unwrap();
+        for (text, number) in [
+            (line.replace("1.25", "1.35"), 1),
+            (line.clone() + &line.replace("\"point\":7", "\"point\":8"), 2),
+        ] {
+            let (code, error) = read_journal(&text).unwrap_err();
+            assert_eq!(code, 2, "{error}");
+            assert!(
+                error.contains(&format!("results.jsonl: line {number} is not as it was written")),
+                "{error}"
+            );
+        }
+        // The lines of earlier versions have no check.
+        read_journal(&(serde_json::to_string(&entry).unwrap() + "\n")).unwrap();
+        assert!(read.iter().filter(|one| **one == entry).count() >= 2);
         fs::remove_dir_all(&root).unwrap();
     }
 }
