@@ -14,6 +14,10 @@ def client(args):
     parser.add_argument("--priority", type=int, default=0)
     parser.add_argument("--crash-limit", type=int, default=5)
     options = parser.parse_args(args)
+    # The package answers anything else with an error of its parser. A policy such as `compact` may follow.
+    count = options.cpus.split(" ")[0]
+    if count != "all" and not (count.replace(".", "", 1).isdigit() and float(count) > 0):
+        sys.exit(f"--engine-args: --cpus {options.cpus} is no number of cores above zero, and not `all`")
     return Client(options.server_dir), options
 
 

@@ -14,6 +14,22 @@ use crate::campaign::folder::identity::io_error;
 const SCRIPT: &str = include_str!("hyperqueue.py");
 const REMEDY: &str = "it is spoken to through its Python package: activate an environment whose `python3` has it (pip install hyperqueue)";
 
+/// The beginning of a message about the user's options, as the script writes it.
+const ARGUMENTS: &str = "--engine-args: ";
+const OPTIONS: &str = "there is --server-dir, --cpus, --priority and --crash-limit";
+
+/// The error `message` of the package, with what can be done about it.
+fn with_remedy(message: &str) -> String {
+    if message.contains("ModuleNotFoundError") {
+        format!("{message}; {REMEDY}")
+    } else if message.starts_with(ARGUMENTS) {
+        // The options are wrong, whether its server is up or not.
+        format!("{message}; {OPTIONS}")
+    } else {
+        format!("{message}; is its server up?")
+    }
+}
+
 /// Queries the package.
 fn query(request: &Value) -> Result<Value, CampaignError> {
     let engine = Engine::Hyperqueue;
@@ -36,13 +52,7 @@ fn query(request: &Value) -> Result<Value, CampaignError> {
         Err(error) => return engine.refuse(format!("`python3` does not end: {error}")),
     };
     if !output.status.success() {
-        let message = last_line(&output);
-        let remedy = if message.contains("ModuleNotFoundError") {
-            REMEDY
-        } else {
-            "is its server up?"
-        };
-        return engine.refuse(format!("{message}; {remedy}"));
+        return engine.refuse(with_remedy(&last_line(&output)));
     }
     match serde_json::from_slice(&output.stdout) {
         Ok(reply) => Ok(reply),
@@ -76,4 +86,18 @@ pub fn active_shards(job: &Job, args: &[String]) -> Result<BTreeSet<usize>, Camp
     Ok(tasks
         .filter_map(|at| job.shards.get(usize::try_from(at).ok()?).copied())
         .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mistake in the options is no reason to look at the server.
+    #[test]
+    fn remedy_follows_from_the_message() {
+        let wrong = with_remedy("--engine-args: error: unrecognized arguments: --foo=9");
+        assert!(wrong.contains("--cpus") && !wrong.contains("server up"), "{wrong}");
+        assert!(with_remedy("RuntimeError: no connection").contains("is its server up?"));
+        assert!(with_remedy("ModuleNotFoundError: No module").contains("pip install"));
+    }
 }
