@@ -7,7 +7,7 @@ use clap::Args;
 use lockstep::time::Rational;
 
 use super::conclusion::{exit_code, json, print_time_and_files, write};
-use super::points::{CampaignArgs, DigestArgs, known_figures, print_warnings_of_points};
+use super::points::{CampaignArgs, DigestArgs, Ports, known_figures, print_warnings_of_points};
 use crate::arguments::{ScenarioArgs, parse_instant};
 use engine::campaign::{self, Campaign, CampaignError, CampaignKind, Finished};
 use engine::run::RunFailure;
@@ -77,7 +77,7 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         source: None,
         digests: args.digest.includes_digests(&args.campaign),
     };
-    known_figures(&campaign, 1).map_err(|error| match (&args.cases, error) {
+    known_figures(&campaign, 1, Ports::Builtin).map_err(|error| match (&args.cases, error) {
         (Some(list), CampaignError::Scenario(error)) => campaign::locate_in_first_case(list, error).into(),
         (_, error) => error,
     })?;

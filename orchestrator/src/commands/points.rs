@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use engine::campaign::{self, Campaign, CampaignError, Figures, Identity, Keep, Options, Shard, Until, Watch};
-use engine::run::check;
+use engine::run::{self, check, check_with_programs};
 use engine::scenario::Scenario;
 
 use crate::catalogue::catalogue;
@@ -122,15 +122,24 @@ pub fn audit_without_second_shard(option: &str) -> CampaignError {
 /// Number of points that are tried before all are assumed to be invalid, where values are drawn.
 pub const TRIES_MAX: usize = 20;
 
-/// Checks the first point without starting programs, and returns its figures of merit. If it is rejected, up to `tries`
-/// points are tried until one is accepted.
+/// Which ports the figures of merit before a run are made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ports {
+    /// Those of the participants that this program contains. Where there are others, the figures are not known.
+    Builtin,
+    /// Those of all participants: other programs are started, to describe theirs.
+    Queried,
+}
+
+/// Checks the first point, and returns its figures of merit. If it is rejected, up to `tries` points are tried until one is
+/// accepted.
 ///
 /// # Errors
 /// The mistake in the first point.
-pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, CampaignError> {
+pub fn known_figures(campaign: &Campaign, tries: usize, ports: Ports) -> Result<Figures, CampaignError> {
     let mut first = None;
     for point in 0..tries.min(campaign.points.len()) {
-        match figures_at(campaign, point) {
+        match figures_at(campaign, point, ports) {
             Ok(known) => return Ok(known),
             Err(error) => first = first.or(Some(error)),
         }
@@ -142,14 +151,9 @@ pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, Campa
 ///
 /// # Errors
 /// When the rule does not fit the scenario.
-pub fn watch(until: &Until, known: &Figures, scenario: &Scenario) -> Result<Watch, CampaignError> {
-    let figures = known.ordered();
-    // Where a program describes its ports only when it runs, figures of merit and criteria are not known before.
-    let declared = ["measures", "assessment"]
-        .iter()
-        .any(|key| scenario.resolved().contains_key(*key));
-    until.check(!known.criteria.is_empty() || figures.is_empty() && declared)?;
-    until.watch(&figures)
+pub fn watch(until: &Until, known: &Figures) -> Result<Watch, CampaignError> {
+    until.check(!known.criteria.is_empty())?;
+    until.watch(&known.ordered())
 }
 
 /// Prints the warnings that the changes of single points cause, such as a fault that begins after the end of the run. Only the first
@@ -188,8 +192,8 @@ pub fn print_warnings_of_points(campaign: &Campaign, scenario: &Scenario) {
     }
 }
 
-/// Checks point `at` (from 0) without starting programs, and returns its figures of merit.
-fn figures_at(campaign: &Campaign, at: usize) -> Result<Figures, CampaignError> {
+/// Checks point `at` (from 0), and returns its figures of merit.
+fn figures_at(campaign: &Campaign, at: usize, ports: Ports) -> Result<Figures, CampaignError> {
     if let Some(reason) = campaign.refused_at(at) {
         return Err(CampaignError::Impossible {
             point: at + 1,
@@ -197,6 +201,13 @@ fn figures_at(campaign: &Campaign, at: usize) -> Result<Figures, CampaignError> 
         });
     }
     let scenario = Scenario::of(catalogue(), campaign.spec_of(at)?, &campaign.scenario)?;
-    let known = check(&scenario)?;
+    let mut known = check(&scenario)?;
+    if ports == Ports::Queried && !known.unknown().is_empty() {
+        let options = run::Options {
+            interrupt: signals::interrupt(),
+            ..run::Options::default()
+        };
+        known = check_with_programs(&scenario, &options)?;
+    }
     Ok(campaign::figures_of(&scenario, &known.plan))
 }

@@ -8,7 +8,7 @@ use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, Sta
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
-use super::points::{CampaignArgs, ShardArgs, TRIES_MAX, audit_without_second_shard, known_figures, watch};
+use super::points::{CampaignArgs, Ports, ShardArgs, TRIES_MAX, audit_without_second_shard, known_figures, watch};
 use super::sweep::{self, SweepArgs};
 use crate::catalogue::catalogue;
 
@@ -142,7 +142,7 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
     let options = args.sharding.options(args.campaign.options())?;
     // The rule is for the whole campaign: a shard does not know when all shards together have enough points.
     let until = identity.until.as_ref().filter(|_| args.sharding.shard.is_none());
-    let watch = |until: &Until| watch(until, &known_figures(&campaign, TRIES_MAX)?, &scenario);
+    let watch = |until: &Until| watch(until, &known_figures(&campaign, TRIES_MAX, Ports::Queried)?);
     let options = Options {
         until: until.map(watch).transpose()?,
         shard: options.shard.or(identity.shard),

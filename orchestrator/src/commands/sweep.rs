@@ -4,7 +4,9 @@ use clap::Args;
 
 use super::cluster::ClusterArgs;
 use super::conclusion::{conclude, conclude_rare};
-use super::points::{CampaignArgs, DigestArgs, ShardArgs, TRIES_MAX, known_figures, print_warnings_of_points, watch};
+use super::points::{
+    CampaignArgs, DigestArgs, Ports, ShardArgs, TRIES_MAX, known_figures, print_warnings_of_points, watch,
+};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
 use engine::campaign::{
@@ -81,7 +83,12 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     };
     // Where values are drawn, the first point may be an impossible one; the values of a grid were all given by the user.
     let tries = if file.is_some() { TRIES_MAX } else { 1 };
-    let known = known_figures(&campaign, tries).map_err(|error| match &file {
+    let ports = if needs_figures(args, file.as_ref()) {
+        Ports::Queried
+    } else {
+        Ports::Builtin
+    };
+    let known = known_figures(&campaign, tries, ports).map_err(|error| match &file {
         Some(file) => file.attribute_mistake(&plan, error, tries.min(campaign.points.len())),
         None => error,
     })?;
@@ -101,9 +108,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
             None => args.vary.is_empty(),
         },
         figure: figure.clone(),
-        until: (args.until.as_ref())
-            .map(|until| watch(until, &known, &scenario))
-            .transpose()?,
+        until: args.until.as_ref().map(|until| watch(until, &known)).transpose()?,
         ..args.sharding.options(args.campaign.options())?
     };
     if let Some(file) = &file
@@ -122,6 +127,11 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     }
     let finished = campaign::run(&campaign, &scenario, &options)?;
     conclude(&campaign, &finished, &figures, figure.as_ref(), &args.campaign)
+}
+
+/// Whether names on the command line or in the campaign file refer to figures of merit, so that they must be known before a run.
+fn needs_figures(args: &SweepArgs, file: Option<&CampaignFile>) -> bool {
+    args.figure.is_some() || args.until.is_some() || file.is_some_and(CampaignFile::is_rare)
 }
 
 /// Checks that the first points of a plan are a valid sample, whatever their number.

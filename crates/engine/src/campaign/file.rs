@@ -158,7 +158,7 @@ impl CampaignFile {
     }
 
     /// Whether the campaign looks for a rare event.
-    fn is_rare(&self) -> bool {
+    pub fn is_rare(&self) -> bool {
         self.table.get("design").and_then(Value::as_str) == Some(Design::Subset.name())
     }
 
