@@ -1,5 +1,6 @@
 //! Bundles: a campaign with everything that it needs runs on another machine, and yields the same table.
 
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -215,7 +216,16 @@ fn shell_gets_a_line_for_each_shard_that_is_missing() {
     let output = on(&["--audit", "20%"]);
     assert_eq!((output.code, output.out.as_str()), (Some(0), ""), "{output:?}");
     assert_same_tables(&whole, &one);
-    assert_eq!(run_orchestrator(&["sweep", "status", text(&whole)]).code, Some(0));
+    let status = || run_orchestrator(&["sweep", "status", text(&whole)]);
+    assert_eq!(status().code, Some(0));
+    // The whole has all results, so a folder of a shard is not needed any more.
+    std::fs::remove_dir_all(whole.join("shards/2-of-3")).unwrap();
+    let removed = status();
+    assert_eq!(removed.code, Some(0), "{removed:?}");
+    assert!(!removed.out.contains("not started"), "{removed:?}");
+    let output = on(&["--audit", "20%"]);
+    assert_eq!((output.code, output.out.as_str()), (Some(0), ""), "{output:?}");
+    assert_same_tables(&whole, &one);
     let output = on(&["--shards", "4"]);
     assert!(output.err.contains("has 3 shards on shell"), "{output:?}");
     // Engines that do not exist.
@@ -283,9 +293,129 @@ fn engine_gets_points_until_the_stopping_rule_holds() {
         assert_same_tables(&whole, &one);
         let table = std::fs::read_to_string(whole.join("table.csv")).unwrap();
         assert_eq!(table.lines().count(), 190, "{table}");
+        let loud: Vec<&str> = campaign.iter().copied().filter(|word| *word != "--quiet").collect();
+        let on_shell = ["--on", "shell", "--shards", "2", "--out", text(&whole)];
+        let output = run_in_folder(&program, &root(), &[&loud[..], &seeds, &on_shell].concat());
+        assert!(output.out.contains("reached after 189 of 400 points"), "{output:?}");
         // The first points of a grid are not those of a smaller one.
         let output = on(&["--vary", "seed=1,2"]);
         assert_eq!(output.code, Some(1), "{output:?}");
         assert!(output.err.contains("--until gives a campaign in parts"), "{output:?}");
     }
+}
+
+/// What a bundle is for comes along; what concerns a run or a folder of results has no effect and is refused.
+#[test]
+fn bundle_has_the_stopping_rule_and_the_audit() {
+    let folder = Folder::new("bundle-options");
+    let out = |name: &str| folder.path().join(name);
+    let bundle = out("bundle");
+    let campaign = [
+        "sweep",
+        "scenarios/close.toml",
+        "--duration",
+        "50 ms",
+        "--seeds",
+        "60",
+        "--bundle",
+    ];
+    let make = |more: &[&str]| run_orchestrator(&[&campaign[..], &[text(&bundle)], more].concat());
+    for option in [
+        &["--keep", "all"][..],
+        &["--out", "elsewhere"],
+        &["--json"],
+        &["--figure", "position_error_at_grasp"],
+        &["--workers", "1"],
+        &["--lanes", "1"],
+    ] {
+        let output = make(option);
+        assert_eq!(output.code, Some(2), "{output:?}");
+        assert!(
+            output.err.contains(option[0]) && output.err.contains("--bundle"),
+            "{output:?}"
+        );
+        assert!(!bundle.exists(), "{option:?}");
+    }
+    let output = make(&["--until", "met within 20 %", "--audit", "10%"]);
+    assert_eq!((output.code, output.err.as_str()), (Some(0), ""), "{output:?}");
+    let name = orchestrator().file_name().unwrap();
+    let run = |more: &[&str]| {
+        let own = ["sweep", "run", text(&bundle), "--quiet"];
+        let output = run_in_folder(
+            &bundle.join("bin").join(name),
+            Path::new("/"),
+            &[&own[..], more].concat(),
+        );
+        assert_eq!(output.code, Some(0), "{output:?}");
+    };
+    let identity = |name: &str| -> serde_json::Value {
+        let text = std::fs::read_to_string(out(name).join("campaign.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    run(&["--out", text(&out("whole"))]);
+    assert_eq!(identity("whole")["until"], "met within 20 %");
+    let table = std::fs::read_to_string(out("whole/table.csv")).unwrap();
+    assert!(table.lines().count() < 40, "{table}");
+    run(&["--out", text(&out("shard")), "--shard", "2/3"]);
+    assert_eq!(identity("shard")["audit"], 0.1);
+}
+
+/// Slurm as three scripts: the tasks in a file wait or run.
+#[test]
+fn status_of_the_whole_follows_from_its_shards() {
+    let folder = Folder::new("slurm-status");
+    let alive = folder.write("alive", "0\n1\n");
+    let tools = folder.path().join("tools");
+    std::fs::create_dir(&tools).unwrap();
+    for (name, script) in [
+        (
+            "sbatch",
+            "case \"$1\" in --version) echo slurm 1;; *) echo 42;; esac".to_owned(),
+        ),
+        ("scontrol", "echo 'MaxArraySize = 1001'".to_owned()),
+        ("squeue", format!("cat '{}'", text(&alive))),
+    ] {
+        let path = tools.join(name);
+        std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    }
+    let path = format!("{}:{}", text(&tools), std::env::var("PATH").unwrap());
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(orchestrator());
+        command.args(arguments).current_dir(root()).env("PATH", &path);
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        wait_for_output(child.expect("the program can be started"))
+    };
+    let out = folder.path().join("out");
+    let output = run(&[
+        "sweep",
+        "scenarios/close.toml",
+        "--duration",
+        "50 ms",
+        "--seeds",
+        "4",
+        "--on",
+        "slurm",
+        "--shards",
+        "2",
+        "--out",
+        text(&out),
+    ]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let status = |word: &str| {
+        let output = run(&["sweep", "status", text(&out)]);
+        assert_eq!(output.code, Some(1), "{output:?}");
+        assert!(
+            output.out.contains(&format!("all  0 of 4 points  {word}")),
+            "{output:?}"
+        );
+        // Here it would run what the engine has.
+        assert!(!output.out.contains("continue with"), "{output:?}");
+        assert!(output.out.contains("by the command that gave it"), "{output:?}");
+        let json = run(&["sweep", "status", text(&out), "--json"]).json();
+        assert_eq!(json["parts"][0]["state"], word, "{json}");
+    };
+    status("waiting");
+    std::fs::write(&alive, "").unwrap();
+    status("stopped");
 }

@@ -302,6 +302,41 @@ fn status_reports_the_progress_of_each_shard() {
     assert!(output.err.contains("no campaign.json"), "{output:?}");
 }
 
+/// The folder has three shards, each with second runs of points of the one before.
+fn assert_merge_reports_what_was_compared(folder: &Folder) {
+    let out = |name: &str| folder.path().join(name);
+    let program = built().join("lander");
+    let merge = |whole: &str, first: &str, more: &[&str]| {
+        let mut arguments = strings(&["sweep", "merge", text(&out(whole))]);
+        arguments.extend([first, "2-of-3", "3-of-3"].map(|name| text(&out(name)).to_owned()));
+        arguments.extend(strings(more));
+        run_program(&program, &arguments)
+    };
+    let output = merge("reported", "1-of-3", &[]);
+    assert_eq!((output.code, output.err.as_str()), (Some(0), ""), "{output:?}");
+    assert!(
+        output.out.contains("points were run twice, with the same bits"),
+        "{output:?}"
+    );
+    let plain = out("plain");
+    let output = run_program(
+        &program,
+        &lander_arguments(&["--out", text(&plain), "--shard", "1/3", "--digest"]),
+    );
+    assert_eq!(output.code, Some(0), "{output:?}");
+    let output = merge("partly", "plain", &[]);
+    assert_eq!(output.code, Some(0), "{output:?}");
+    assert!(
+        output.err.contains("plain: run without --audit") && !output.err.contains("2-of-3"),
+        "{output:?}"
+    );
+    // A figure that the points do not have is refused before anything is written.
+    let output = merge("unwritten", "1-of-3", &["--figure", "nope"]);
+    assert_eq!(output.code, Some(2), "{output:?}");
+    assert!(output.err.contains("`nope`"), "{output:?}");
+    assert!(!out("unwritten").exists());
+}
+
 #[test]
 fn audit_names_the_node_whose_bits_differ() {
     let folder = Folder::new("audit");
@@ -321,6 +356,7 @@ fn audit_names_the_node_whose_bits_differ() {
         run_program(&program, &arguments)
     };
     assert_eq!(merge().code, Some(0));
+    assert_merge_reports_what_was_compared(&folder);
     // The second shard ran on a machine that computes different results.
     let journal = out("2-of-3/results.jsonl");
     let honest = std::fs::read_to_string(&journal).unwrap();

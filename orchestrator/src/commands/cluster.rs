@@ -24,7 +24,7 @@ pub struct ClusterArgs {
     #[arg(long, value_name = "OPTIONS", requires = "on", allow_hyphen_values = true)]
     pub engine_args: Vec<String>,
     /// Write the campaign with all files that it needs to this new folder, and run nothing: `sweep run` runs it on any machine
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["on", "shard"])]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["on", "shard", "keep", "out", "json", "figure", "workers", "lanes"])]
     pub bundle: Option<PathBuf>,
     /// Add this file or folder to the bundle (may be given more than once)
     #[arg(long, value_name = "PATH")]
@@ -45,7 +45,7 @@ impl ClusterArgs {
         args: &CampaignArgs,
     ) -> Result<Option<i32>, CampaignError> {
         if let Some(folder) = &self.bundle {
-            let made = campaign::bundle(folder, catalogue(), campaign, scenario, &self.include)?;
+            let made = campaign::bundle(folder, catalogue(), campaign, scenario, options, &self.include)?;
             print_warnings(&made.left);
             if !args.quiet {
                 println!("{} points", made.identity.points);
@@ -78,9 +78,7 @@ impl ClusterArgs {
         };
         match campaign::submit(catalogue(), campaign, scenario, options, &cluster)? {
             Step::Given(underway) => print_submission(engine, &underway, args).map(|()| Some(0)),
-            Step::Complete(campaign, finished) => {
-                conclude(&campaign, &finished, &figures(&finished), figure, args).map(Some)
-            }
+            Step::Complete(finished) => conclude(campaign, &finished, &figures(&finished), figure, args).map(Some),
         }
     }
 }

@@ -20,7 +20,8 @@ pub fn conclude(
 ) -> Result<i32, CampaignError> {
     let identity = &finished.identity;
     let some = campaign.first(finished.results.len());
-    let enough = some.points.len() < campaign.points.len();
+    let all = campaign.points.len();
+    let enough = some.points.len() < all;
     let campaign = if enough { &some } else { campaign };
     let title = identity.heading();
     if let Some(shard) = identity.shard {
@@ -58,6 +59,12 @@ pub fn conclude(
         }
         println!("{all}");
     } else if !args.quiet {
+        if enough {
+            println!(
+                "the stopping rule is reached after {} of {all} points",
+                finished.results.len()
+            );
+        }
         print(&identity.title, campaign, finished, shown.as_ref(), &files);
     }
     if let Some(precision) = precision.filter(|precision| !precision.reached && !finished.interrupted) {
@@ -256,13 +263,6 @@ fn print_failed_points(campaign: &Campaign, finished: &Finished) {
 fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&Number>, files: &[PathBuf]) {
     if !title.is_empty() {
         println!("{title}");
-    }
-    if finished.results.len() < finished.identity.points {
-        println!(
-            "the stopping rule is reached after {} of {} points",
-            finished.results.len(),
-            finished.identity.points
-        );
     }
     println!("{}", campaign::verdicts(&finished.results));
     if campaign.is_sample() {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
-use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, State, Until};
+use engine::campaign::{self, AuditCoverage, Campaign, CampaignError, Merged, Options, Part, Source, State, Until};
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
@@ -143,10 +143,12 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
     // The rule is for the whole campaign: a shard does not know when all shards together have enough points.
     let until = identity.until.as_ref().filter(|_| args.sharding.shard.is_none());
     let watch = |until: &Until| watch(until, &known_figures(&campaign, TRIES_MAX, Ports::Queried)?);
+    let shard = options.shard.or(identity.shard);
     let options = Options {
         until: until.map(watch).transpose()?,
-        shard: options.shard.or(identity.shard),
-        audit: args.sharding.audit.unwrap_or(identity.audit),
+        shard,
+        // A bundle has the share, which is that of its shards.
+        audit: args.sharding.audit.or(shard.map(|_| identity.audit)).unwrap_or(0.0),
         out: options
             .out
             .or_else(|| args.sharding.shard.is_none().then(|| args.folder.clone())),
@@ -160,12 +162,13 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
 }
 
 fn merge(args: &MergeArgs) -> Result<i32, CampaignError> {
-    let (campaign, mut finished) = campaign::merge(&args.whole, &args.shards)?;
+    let Merged {
+        campaign,
+        mut finished,
+        figure,
+        audits,
+    } = campaign::merge(&args.whole, &args.shards, args.figure.as_deref())?;
     let known = figures(&finished);
-    let figure = match &args.figure {
-        Some(name) => Some(campaign::figure_of(name, &known)?),
-        None => None,
-    };
     if !args.campaign.keep.is_empty() {
         let scenario = Scenario::changed(catalogue(), &campaign.scenario, &campaign.overrides)?;
         let options = Options {
@@ -174,7 +177,27 @@ fn merge(args: &MergeArgs) -> Result<i32, CampaignError> {
         };
         finished.keep(&campaign, &scenario, &options)?;
     }
+    print_audits(&audits, &args.campaign);
     conclude(&campaign, &finished, &known, figure.as_ref(), &args.campaign)
+}
+
+/// Reports what was run twice, and warns where that is not a part of all folders.
+fn print_audits(audits: &AuditCoverage, args: &CampaignArgs) {
+    if audits.compared > 0 && !args.quiet && !args.json {
+        let were = if audits.compared == 1 {
+            "point was"
+        } else {
+            "points were"
+        };
+        println!("{} {were} run twice, with the same bits", audits.compared);
+    }
+    if !audits.without.is_empty() {
+        let folders: Vec<String> = audits.without.iter().map(|root| root.display().to_string()).collect();
+        eprintln!(
+            "warning: {}: run without --audit, so that it repeats no points of the shard before it, and the machines of the two are not compared",
+            folders.join(", ")
+        );
+    }
 }
 
 fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
@@ -193,14 +216,20 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
         }
         None => BTreeSet::new(),
     };
-    let waits = |shard: Option<usize>| shard.is_some_and(|shard| alive.contains(&shard));
+    let running = parts.iter().any(|part| matches!(part.state, State::Running(_)));
+    // The folder of the whole waits for its shards.
+    let waits = |shard: Option<usize>| match shard {
+        Some(shard) => alive.contains(&shard),
+        None => engine.is_some() && (running || !alive.is_empty()),
+    };
     // Shards without a folder so far.
     let of = engine.as_ref().map_or(0, |engine| engine.of);
-    let unseen: Vec<usize> = (1..=of).filter(|shard| !known.contains(shard)).collect();
     let shards = parts.iter().any(|part| part.identity.shard.is_some());
     let whole = parts
         .iter()
         .any(|part| part.identity.shard.is_none() && part.state == State::Complete);
+    // The folder of a shard may be removed when its results are in the whole.
+    let unseen: Vec<usize> = (1..=of).filter(|shard| !whole && !known.contains(shard)).collect();
     // Shards that were not started are known where an engine has them, or by their points.
     let alone = parts.iter().any(|part| part.root == args.folder);
     let nowhere = if engine.is_some() || alone {
@@ -230,7 +259,10 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
         let on = on.unwrap_or_default();
         println!("{}: {} points{on}", first.identity.scenario, first.points);
     }
-    parts.iter().for_each(|part| print(part, waits(part.number())));
+    for part in &parts {
+        // The whole goes on with the command that gave its shards to the engine.
+        print(part, waits(part.number()), engine.is_none() || part.number().is_some());
+    }
     for shard in unseen {
         let state = if waits(Some(shard)) { "waiting" } else { "not started" };
         println!("  shard {shard}/{of}  {state}");
@@ -272,7 +304,9 @@ fn json(part: &Part, waits: bool) -> serde_json::Value {
 }
 
 /// `  shard 3/8  12 of 25 points, 1 failed, 1 crashed, 2 running (on n3)  running on n3, process 17  sweeps/…`
-fn print(part: &Part, waits: bool) {
+///
+/// `alone` says that `sweep run` continues it.
+fn print(part: &Part, waits: bool, alone: bool) {
     let name = part
         .identity
         .shard
@@ -311,7 +345,7 @@ fn print(part: &Part, waits: bool) {
         println!(
             "    was started for {had} points, and the campaign has {has}: goes on with the command of the larger campaign"
         );
-    } else if part.state == State::Stopped && !waits {
+    } else if part.state == State::Stopped && !waits && alone {
         let source = part.identity.source.as_ref().filter(|source| source.rare);
         let command = source.map_or_else(
             || format!("run {}", part.root.display()),

@@ -69,7 +69,7 @@ pub use plan::Plan;
 pub use rare::{Rare, RareEventResult};
 pub use sampling::statistics::wilson;
 pub use shards::bundle::{Bundle, bundle};
-pub use shards::merge::merge;
+pub use shards::merge::{AuditCoverage, Merged, merge};
 pub use shards::shard::{ParseShardError, Shard};
 pub use source::Source;
 pub use stopping_rule::{Until, Watch};

@@ -19,8 +19,8 @@ const FIRST_BATCH: usize = 128;
 pub enum Step {
     /// Shards were submitted to the engine, or are still with it.
     Given(SubmittedShards),
-    /// All points are complete, or enough: the campaign with the points that count, merged.
-    Complete(Box<Campaign>, Box<Finished>),
+    /// All points are complete, or enough: the merged results of the points that count.
+    Complete(Box<Finished>),
 }
 
 /// Submits to the engine the shards of `campaign` that are missing and not yet with it, and merges them when all are
@@ -46,16 +46,16 @@ pub fn submit(
     };
     loop {
         let part = campaign.first(count);
-        let (root, shards) = match submit_missing(catalogue, &part, scenario, options, cluster)? {
+        let mut finished = match submit_missing(catalogue, &part, scenario, options, cluster)? {
             Submission::Submitted(underway) => return Ok(Step::Given(underway)),
-            Submission::Complete { root, shards } => (root, shards),
+            Submission::Complete { root, shards } => merge(&root, &shards, None)?.finished,
+            Submission::Merged(finished) => *finished,
         };
-        let (part, mut finished) = merge(&root, &shards)?;
         let watch = options.until.clone();
         let end = watch.and_then(|mut watch| watch.evaluate(&finished.results));
         if end.is_some() || count == all {
             finished.results.truncate(end.unwrap_or(count));
-            return Ok(Step::Complete(Box::new(part), Box::new(finished)));
+            return Ok(Step::Complete(Box::new(finished)));
         }
         count = (2 * count).min(all);
     }

@@ -5,6 +5,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +17,7 @@ use crate::campaign::folder::identity::{Identity, io_error};
 use crate::campaign::folder::status::{State, parts};
 use crate::campaign::shards::bundle::{Bundle, bundle};
 use crate::campaign::shards::shard::Shard;
-use crate::campaign::{Campaign, CampaignError, Options};
+use crate::campaign::{Campaign, CampaignError, Finished, Options};
 use crate::scenario::Scenario;
 
 /// Where and how the shards run.
@@ -58,6 +59,8 @@ pub(super) enum Submission {
         /// The folders of the shards.
         shards: Vec<PathBuf>,
     },
+    /// The campaign's folder has all results: they were merged before.
+    Merged(Box<Finished>),
 }
 
 /// `engine.json`: the engine's record in the campaign's folder.
@@ -95,6 +98,33 @@ impl EngineRecord {
     /// Number of shards of the jobs.
     fn shards(&self) -> usize {
         self.jobs.iter().map(|job| job.shards.len()).sum()
+    }
+
+    /// Submits these shards of the campaign in `root`; returns the engine's names of the jobs.
+    fn start_jobs(
+        &mut self,
+        root: &Path,
+        name: &str,
+        script: &Path,
+        shards: &[usize],
+    ) -> Result<Vec<String>, CampaignError> {
+        let mut jobs = Vec::new();
+        for shards in shards.chunks(self.engine.job_size_max()?) {
+            let request = JobRequest {
+                root,
+                name,
+                script: script.to_owned(),
+                shards,
+                args: &self.args,
+            };
+            let job = self.engine.start(&request);
+            let job = job.map_err(|error| mention_accepted(error, self.shards()))?;
+            jobs.push(job.id.clone());
+            self.jobs.push(job);
+            self.write(root)?;
+        }
+        self.write(root)?;
+        Ok(jobs)
     }
 
     /// The shards that wait or run.
@@ -161,12 +191,14 @@ pub(super) fn submit_missing(
     options: &Options,
     cluster: &Cluster,
 ) -> Result<Submission, CampaignError> {
+    let started = Instant::now();
     let version = cluster.engine.version()?;
     let identity = Identity::of(campaign, scenario)?;
     let root = campaign_root(campaign, &identity, options)?;
     // Held to the end: two processes that submit the same shards would run them twice.
-    let (folder, _) = Folder::lock_at(&root, campaign, &identity)?;
+    let (folder, known) = Folder::lock_at(&root, campaign, &identity)?;
     let before = EngineRecord::read(&root)?;
+    let audit_before = before.as_ref().map(|record| record.audit);
     let mut record = cluster.with_previous(before, campaign.points.len(), options.audit, &root)?;
     record.version = version;
     let of = record.of;
@@ -181,6 +213,18 @@ pub(super) fn submit_missing(
         let shards = state.complete.into_values().collect();
         return Ok(Submission::Complete { root, shards });
     }
+    // Whether the folders of the shards are still there or not.
+    let is_merged = audit_before == Some(record.audit) && known.results.iter().all(Option::is_some);
+    if is_merged && alive.is_empty() && state.running.is_empty() {
+        return Ok(Submission::Merged(Box::new(Finished {
+            folder,
+            identity,
+            resumed: known.results.len(),
+            results: known.results,
+            interrupted: false,
+            wall_s: started.elapsed().as_secs_f64(),
+        })));
+    }
     let is_submitted =
         |shard: &usize| alive.contains(shard) || state.running.contains(shard) || state.complete.contains_key(shard);
     let missing: Vec<usize> = (1..=of).filter(|shard| !is_submitted(shard)).collect();
@@ -191,27 +235,17 @@ pub(super) fn submit_missing(
             let reason = "has shards that are with the engine or run: wait for their end before the campaign becomes another one";
             return cluster.engine.refuse(format!("{} {reason}", root.display()));
         }
-        None => bundle(&root.join("bundle"), catalogue, campaign, scenario, &cluster.include)?,
+        None => bundle(
+            &root.join("bundle"),
+            catalogue,
+            campaign,
+            scenario,
+            options,
+            &cluster.include,
+        )?,
     };
     let script = script(&root, &bundle, of, record.audit, options)?;
-    let mut jobs = Vec::new();
-    for shards in missing.chunks(cluster.engine.job_size_max()?) {
-        let request = JobRequest {
-            root: &root,
-            name: &identity.scenario,
-            script: script.clone(),
-            shards,
-            args: &record.args,
-        };
-        let job = cluster
-            .engine
-            .start(&request)
-            .map_err(|error| mention_accepted(error, record.shards()))?;
-        jobs.push(job.id.clone());
-        record.jobs.push(job);
-        record.write(&root)?;
-    }
-    record.write(&root)?;
+    let jobs = record.start_jobs(&root, &identity.scenario, &script, &missing)?;
     Ok(Submission::Submitted(SubmittedShards {
         lines: missing
             .iter()

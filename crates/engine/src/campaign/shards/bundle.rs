@@ -13,7 +13,7 @@ use crate::Catalogue;
 use crate::campaign::file::CampaignFile;
 use crate::campaign::folder::any_path::AnyPath;
 use crate::campaign::folder::identity::{Identity, io_error};
-use crate::campaign::{Campaign, CampaignError};
+use crate::campaign::{Campaign, CampaignError, Options};
 use crate::scenario::{FileReference, RunSpec, Scenario, value, visit_file_references, visit_file_references_at};
 
 /// A bundle: its contents, and what it lacks.
@@ -37,7 +37,8 @@ fn refuse(path: &Path, reason: impl Into<String>) -> CampaignError {
 }
 
 /// Writes `campaign` with its scenario, all files that belong to it, the files and folders `include`, and this program to
-/// the folder `root`. The folder is new, or holds a bundle of the same campaign or of one that has grown to this one.
+/// the folder `root`. The folder is new, or holds a bundle of the same campaign or of one that has grown to this one. The stopping rule
+/// and the share of the points that is run twice, which are in `options`, come along.
 ///
 /// # Errors
 /// When the folder belongs to something else, a file cannot be read, or the scenario in the bundle differs.
@@ -46,9 +47,14 @@ pub fn bundle(
     catalogue: &Arc<Catalogue>,
     campaign: &Campaign,
     scenario: &Scenario,
+    options: &Options,
     include: &[PathBuf],
 ) -> Result<Bundle, CampaignError> {
-    let mut identity = Identity::of(campaign, scenario)?;
+    let mut identity = Identity {
+        until: options.stopping_rule(),
+        audit: options.audit,
+        ..Identity::of(campaign, scenario)?
+    };
     if root.join("campaign.json").exists() {
         let known = Identity::read(root)?;
         known

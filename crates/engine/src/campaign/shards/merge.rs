@@ -7,24 +7,47 @@ use std::time::Instant;
 use crate::campaign::folder::campaign_folder::{Folder, holder};
 use crate::campaign::folder::identity::Identity;
 use crate::campaign::folder::journal::{self, JournalEntry};
+use crate::campaign::folder::table::figure_of;
 use crate::campaign::workers::point::Result as PointResult;
 use crate::campaign::workers::pool::Finished;
-use crate::campaign::{Campaign, CampaignError};
+use crate::campaign::{Campaign, CampaignError, Figures, Number};
 
 /// Number of points that an error names where points are missing.
 const LISTED_MAX: usize = 5;
+
+/// A campaign that was merged from its shards.
+#[derive(Debug)]
+pub struct Merged {
+    /// The campaign.
+    pub campaign: Campaign,
+    /// Its results.
+    pub finished: Finished,
+    /// The figure of merit that was asked for.
+    pub figure: Option<Number>,
+    /// What was run twice.
+    pub audits: AuditCoverage,
+}
+
+/// The points of a merged campaign that were run twice, with the same result.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AuditCoverage {
+    /// The number of second runs that were compared.
+    pub compared: usize,
+    /// Where other folders have second runs: the folders that have none.
+    pub without: Vec<PathBuf>,
+}
 
 fn refuse<T>(reason: impl Into<String>) -> Result<T, CampaignError> {
     Err(CampaignError::Merge(reason.into()))
 }
 
 /// Creates the folder `out` from the folders `shards`: the campaign with all results, as one machine would have produced
-/// it.
+/// it. `figure` is the name of a figure of merit that its points must have.
 ///
 /// # Errors
 /// When the folders are not of one campaign, when a point is in two of them or in none, when a process holds one of them,
 /// and when a point that was run twice has two results.
-pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), CampaignError> {
+pub fn merge(out: &Path, shards: &[PathBuf], figure: Option<&str>) -> Result<Merged, CampaignError> {
     let started = Instant::now();
     let mut folders: Vec<(&PathBuf, Identity)> = Vec::new();
     for root in shards {
@@ -68,6 +91,11 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
         .check_points_digest("points.jsonl of the shards", &campaign)
         .or_else(refuse)?;
     merged.check_audits(&folders)?;
+    let figure = match figure {
+        Some(name) => Some(figure_of(name, &merged.figures())?),
+        None => None,
+    };
+    let audits = merged.audit_coverage(&folders);
     let whole_identity = Identity {
         shard: None,
         audit: 0.0,
@@ -90,7 +118,12 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
         interrupted: false,
         wall_s: started.elapsed().as_secs_f64(),
     };
-    Ok((campaign, finished))
+    Ok(Merged {
+        campaign,
+        finished,
+        figure,
+        audits,
+    })
 }
 
 /// The results of all shards.
@@ -184,6 +217,25 @@ impl MergedResults {
             }
         }
         Ok(())
+    }
+
+    /// The figures of merit of the points.
+    fn figures(&self) -> Vec<Number> {
+        let mut all = self.results.iter().flatten();
+        let first = all.find_map(|result| result.figures.as_ref());
+        first.map_or(Vec::new(), Figures::ordered)
+    }
+
+    /// What was run twice.
+    fn audit_coverage(&self, folders: &Folders) -> AuditCoverage {
+        let without = folders.iter().filter(|(_, identity)| identity.audit == 0.0);
+        AuditCoverage {
+            compared: self.audits.len(),
+            without: match self.audits.len() {
+                0 => Vec::new(),
+                _ => without.map(|(root, _)| (*root).clone()).collect(),
+            },
+        }
     }
 
     /// Checks that second runs gave the same bits.
