@@ -6,8 +6,10 @@
 //! no eigenvalue is left on the imaginary axis.
 //!
 //! Deciding whether a computed eigenvalue "is" imaginary is the weak point of the method. Here the tolerance is wide, and
-//! every candidate is verified by evaluating the gain there: a true crossing has a gain of γ, which is above the lower
-//! bound, so it cannot be rejected; a false one costs one evaluation and causes no error.
+//! every candidate is verified by evaluating the gain there: a false one costs one evaluation and causes no error. A true
+//! crossing is lost only if rounding moves its eigenvalue out of the tolerance. Just above the gain at infinite frequency the
+//! Hamiltonian does this: it contains the inverse of R = γ² I − DᵀD, which is nearly singular there. There the eigenvalues of a
+//! larger pencil without an inverse are used as well.
 
 use crate::balance;
 use crate::linalg::{self, LinalgError, Matrix, c64};
@@ -158,25 +160,102 @@ pub(crate) fn level_crossings(g: &StateSpace, level: f64) -> Result<Vec<f64>, Li
     }
     // With B and C divided by √γ and D by γ the level is one, and both off-diagonal blocks are of similar size.
     let root = level.sqrt();
-    let b = &g.b * (1.0 / root);
-    let c = &g.c * (1.0 / root);
-    let d = &g.d * (1.0 / level);
-    let r = Matrix::identity(d.ncols(), d.ncols()) - d.transpose() * &d;
-    let s = Matrix::identity(d.nrows(), d.nrows()) - &d * d.transpose();
-    let r_dt_c = linalg::solve(&r, &(d.transpose() * &c))?;
-    let r_bt = linalg::solve(&r, &b.transpose())?;
-    let s_c = linalg::solve(&s, &c)?;
-    let a = &g.a + &b * &r_dt_c;
-    let minus_at = a.transpose() * -1.0;
-    let q = c.transpose() * &s_c * -1.0;
-    let h = balance::balanced(&linalg::blocks(&[&[&a, &(&b * &r_bt)], &[&q, &minus_at]]));
-    let size = linalg::max_abs(&h);
-    let mut out: Vec<f64> = linalg::eigenvalues(&h)?
-        .iter()
-        .filter(|l| l.im >= 0.0 && l.re.abs() <= 1e-5 * l.im + 1e-8 * size)
-        .map(|l| l.im)
-        .collect();
+    let g = StateSpace {
+        a: g.a.clone(),
+        b: &g.b * (1.0 / root),
+        c: &g.c * (1.0 / root),
+        d: &g.d * (1.0 / level),
+    };
+    let direct = linalg::singular_values(&linalg::to_complex(&g.d))?;
+    let mut out = if direct.iter().any(|sigma| (sigma - 1.0).abs() < NEAR_DIRECT) {
+        // The Hamiltonian alone may be wrong here, but does no harm.
+        let mut both = hamiltonian_crossings(&g).unwrap_or_default();
+        both.extend(shifted_crossings(&g)?);
+        both
+    } else {
+        hamiltonian_crossings(&g)?
+    };
     out.sort_by(f64::total_cmp);
     out.dedup();
     Ok(out)
+}
+
+/// A level this near to a singular value of D, relative to it, leaves R = I − DᵀD nearly singular.
+const NEAR_DIRECT: f64 = 1e-3;
+
+/// Crossings of level one, from the eigenvalues of the Hamiltonian matrix.
+fn hamiltonian_crossings(g: &StateSpace) -> Result<Vec<f64>, LinalgError> {
+    let StateSpace { a, b, c, d } = g;
+    let r = Matrix::identity(d.ncols(), d.ncols()) - d.transpose() * d;
+    let s = Matrix::identity(d.nrows(), d.nrows()) - d * d.transpose();
+    let r_dt_c = linalg::solve(&r, &(d.transpose() * c))?;
+    let r_bt = linalg::solve(&r, &b.transpose())?;
+    let s_c = linalg::solve(&s, c)?;
+    let a = a + b * &r_dt_c;
+    let minus_at = a.transpose() * -1.0;
+    let q = c.transpose() * &s_c * -1.0;
+    let h = balance::balanced(&linalg::blocks(&[&[&a, &(b * &r_bt)], &[&q, &minus_at]]));
+    let size = linalg::max_abs(&h);
+    Ok(linalg::eigenvalues(&h)?
+        .iter()
+        .filter(|l| l.im >= 0.0 && l.re.abs() <= 1e-5 * l.im + 1e-8 * size)
+        .map(|l| l.im)
+        .collect())
+}
+
+/// Crossings of level one without the inverse of R and S: with the input w and the output v as unknowns besides the states x and
+/// those of the adjoint system, p,
+///
+/// ```text
+/// s x = A x + B w        v = C x + D w
+/// s p = −Aᵀ p − Cᵀ v     w = Bᵀ p + Dᵀ v
+/// ```
+///
+/// is a pencil M − s N, which is well conditioned at a real s = α even where R is singular. The eigenvalues of its inverse there,
+/// restricted to x and p, are 1/(s − α); an s that has moved to infinity becomes a zero.
+fn shifted_crossings(g: &StateSpace) -> Result<Vec<f64>, LinalgError> {
+    let StateSpace { a, b, c, d } = g;
+    let (n, m, p) = (g.states(), g.inputs(), g.outputs());
+    // In the middle of the dynamics: the accuracy falls with the distance from α, in decades, on both sides.
+    let sizes = g
+        .poles()?
+        .into_iter()
+        .map(|pole| pole.norm())
+        .filter(|size| *size > 0.0);
+    let (sum, count) = sizes.fold((0.0, 0), |(sum, count), size| (sum + libm::log(size), count + 1));
+    let alpha = libm::exp(sum / f64::from(count.max(1)));
+    let shift = Matrix::identity(n, n) * alpha;
+    let minus = |x: &Matrix| x * -1.0;
+    let zeros = Matrix::zeros;
+    let pencil = linalg::blocks(&[
+        &[&(a - &shift), &zeros(n, n), b, &zeros(n, p)],
+        &[
+            &zeros(n, n),
+            &minus(&(a.transpose() + &shift)),
+            &zeros(n, m),
+            &minus(&c.transpose()),
+        ],
+        &[c, &zeros(p, n), d, &minus(&Matrix::identity(p, p))],
+        &[
+            &zeros(m, n),
+            &b.transpose(),
+            &minus(&Matrix::identity(m, m)),
+            &d.transpose(),
+        ],
+    ]);
+    let states = Matrix::from_fn(pencil.nrows(), 2 * n, |i, j| f64::from(u8::from(i == j)));
+    let Ok(inverse) = linalg::solve(&pencil, &states) else {
+        // The level is a gain at every frequency.
+        return Ok(Vec::new());
+    };
+    let one = c64::new(1.0, 0.0);
+    Ok(
+        linalg::eigenvalues(&balance::balanced(&inverse.block(0, 0, 2 * n, 2 * n)))?
+            .into_iter()
+            .filter(|theta| theta.norm() > 0.0)
+            .map(|theta| one / theta + alpha)
+            .filter(|s| s.im > 0.0 && s.re.abs() <= 1e-2 * s.im)
+            .map(|s| s.im)
+            .collect(),
+    )
 }

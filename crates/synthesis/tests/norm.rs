@@ -77,6 +77,29 @@ fn peaks_at_the_ends_of_the_axis() {
     assert_eq!(hinf_norm(&tf(&[0.0], &[1.0, 1.0]), 1e-8).unwrap().gain, 0.0);
 }
 
+/// Peaks a little above the gain at infinite frequency, at no resonance. There R = γ² I − DᵀD is nearly singular, and the eigenvalues
+/// of the Hamiltonian alone miss them.
+#[test]
+fn peaks_just_above_the_gain_at_infinity_are_found() {
+    let data: serde_json::Value = serde_json::from_str(include_str!("data/near_direct.json")).unwrap();
+    for system in data["systems"].as_array().unwrap() {
+        let matrix = |key: &str| -> Matrix {
+            let rows: Vec<Vec<f64>> = serde_json::from_value(system[key].clone()).unwrap();
+            from_rows(&rows).unwrap()
+        };
+        let g = StateSpace::new(matrix("A"), matrix("B"), matrix("C"), matrix("D")).unwrap();
+        let gain = system["gain"].as_f64().unwrap();
+        for tolerance in [1e-6, 1e-7, 1e-8, 1e-9] {
+            let n = hinf_norm(&g, tolerance).unwrap();
+            assert_close(n.gain, gain, tolerance);
+            assert!(n.omega.is_finite());
+        }
+        // A static output of nearly the same gain at every frequency: no frequency is well below the level.
+        let wide = append(&[g.clone(), StateSpace::gain(diagonal(&[gain * (1.0 - 1e-7)]))]);
+        assert_close(hinf_norm(&wide, 1e-8).unwrap().gain, gain, 1e-8);
+    }
+}
+
 /// The worked example of SLICOT's AB13DD: three oscillators in parallel with damping down to 1e-6; its documentation
 /// prints 500000.0001 at 1.41421356.
 #[test]
