@@ -145,6 +145,94 @@ fn gamma_that_falls_for_ever_is_no_optimum() {
     );
 }
 
+/// First-order plants whose gamma, √(1 + k²)/(|k| − a) or 1/(|k| − a) with noise, falls as the gain grows. At gains of a million its
+/// slope is lost in rounding error. The last plant has a second loop, whose gain is limited on both sides.
+#[test]
+fn flat_infimum_at_infinite_gain_is_no_optimum() {
+    let mut plants: Vec<String> = [0.0, 0.1, 0.3, 0.5, 1.0, 2.0, 5.0]
+        .iter()
+        .map(|a| format!(r#"{{"A":[[{a}]],"B1":[[1]],"B":[[1]],"C1":[[1],[0]],"C":[[1]],"D12":[[0],[1]]}}"#))
+        .collect();
+    plants.push(r#"{"A":[[1]],"B1":[[1,0]],"B":[[1]],"C1":[[1]],"C":[[1]],"D21":[[0,1]]}"#.into());
+    plants.push(
+        r#"{"A":[[1,0],[0,0.5]],"B1":[[1,0,0],[0,1,0]],"B":[[1,0],[0,1]],"C1":[[1,0],[0,0],[0,0.1],[0,0]],"C":[[1,0],[0,1]],
+            "D12":[[0,0],[1,0],[0,0],[0,0.1]],"D21":[[0,0,0],[0,0,0.1]]}"#
+            .into(),
+    );
+    for json in &plants {
+        let (_, t) = tuned(&plant(json), 8);
+        assert!(
+            matches!(t.verdict, Verdict::InfiniteGain { .. }),
+            "{json}: {:?} {:?} {:?}",
+            t.verdict,
+            t.gains,
+            t.evaluation.gamma
+        );
+    }
+}
+
+/// With an effort weight and a noise on every measurement gamma is at least their product with the gain: an optimum is attained, also
+/// where gamma hardly falls before it, as in the first plant.
+#[test]
+fn attained_optima_at_large_gains_are_optima() {
+    let flat =
+        r#"{"A":[[0.3]],"B1":[[1,0]],"B":[[1.5]],"C1":[[0.5],[0]],"C":[[1]],"D12":[[0],[0.25]],"D21":[[0,6e-5]]}"#;
+    let (_, t) = tuned(&plant(flat), 3);
+    assert!(t.controllers[0][(0, 0)] < -100.0, "{:?}", t.controllers);
+    assert_eq!(t.verdict, Verdict::Attained, "{:?}", t.controllers);
+    let mut large = 0;
+    for seed in 0..50 {
+        let mut next_random = random_numbers(1000 + seed);
+        let n = 1 + (seed % 3) as usize;
+        let (nu, ny) = (1 + (seed / 3 % 2) as usize, 1 + (seed / 6 % 2) as usize);
+        let mut rows = |height: usize, width: usize| -> Vec<Vec<f64>> {
+            (0..height)
+                .map(|_| (0..width).map(|_| 2.0 * next_random()).collect())
+                .collect()
+        };
+        let (effort, noise) = (
+            10f64.powi(-((seed % 5) as i32) / 2),
+            10f64.powi(-((seed % 4) as i32) / 2),
+        );
+        let unit = |at: bool, size: f64| if at { size } else { 0.0 };
+        let mut c1 = rows(1, n);
+        c1.extend(vec![vec![0.0; n]; nu]);
+        let mut b1 = rows(n, 1);
+        b1.iter_mut().for_each(|row| row.extend(vec![0.0; ny]));
+        let mut a = rows(n, n);
+        (0..n).for_each(|i| a[i][i] -= 1.0);
+        let p = PlantMatrices {
+            name: "random".into(),
+            a,
+            b1,
+            b: rows(n, nu),
+            c1,
+            c: rows(ny, n),
+            d12: (0..=nu)
+                .map(|i| (0..nu).map(|j| unit(i == j + 1, effort)).collect())
+                .collect(),
+            d21: (0..ny)
+                .map(|i| (0..=ny).map(|j| unit(j == i + 1, noise)).collect())
+                .collect(),
+            ..PlantMatrices::default()
+        };
+        let problem = p.static_output_feedback().unwrap();
+        // Some of these no static gain stabilises.
+        let Ok(t) = tune(&problem, &Options::default(), &|_| SearchControl::Continue) else {
+            continue;
+        };
+        assert!(
+            !matches!(t.verdict, Verdict::InfiniteGain { .. }),
+            "{seed}: {} {:?} {:?}",
+            t.verdict,
+            t.controllers,
+            t.starts
+        );
+        large += usize::from(synthesis::linalg::max_abs(&t.controllers[0]) > 30.0);
+    }
+    assert!(large >= 3, "{large}");
+}
+
 #[test]
 fn zero_norm_is_reported_as_nothing_to_minimise() {
     for json in [

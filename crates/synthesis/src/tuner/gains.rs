@@ -110,6 +110,30 @@ pub enum GainError {
     Linalg(#[from] LinalgError),
 }
 
+/// A part of a gain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// All entries.
+    All,
+    /// A row.
+    Row(usize),
+    /// A column.
+    Column(usize),
+    /// An entry.
+    Entry(usize, usize),
+}
+
+impl Part {
+    fn contains(self, (row, column): (usize, usize)) -> bool {
+        match self {
+            Self::All => true,
+            Self::Row(i) => i == row,
+            Self::Column(j) => j == column,
+            Self::Entry(i, j) => (i, j) == (row, column),
+        }
+    }
+}
+
 /// A validated block with the data of its parametrisation.
 #[derive(Debug, Clone)]
 pub(crate) struct Parametrised {
@@ -231,6 +255,46 @@ impl Parametrised {
                 let mut at = 0;
                 each_lower(sizes, |i, j| {
                     out[at] += if i == j { in_l[(i, i)] * l[(i, i)] } else { in_l[(i, j)] };
+                    at += 1;
+                });
+            }
+        }
+    }
+
+    /// The parts of the gain whose size can be changed alone.
+    pub(crate) fn parts(&self) -> Vec<Part> {
+        let GainKind::Full { rows, columns } = &self.block.kind else {
+            return vec![Part::All];
+        };
+        let (rows, columns) = (*rows, *columns);
+        let mut parts = vec![Part::All];
+        parts.extend((0..rows).map(Part::Row));
+        parts.extend((0..columns).map(Part::Column));
+        parts.extend((0..rows).flat_map(|i| (0..columns).map(move |j| Part::Entry(i, j))));
+        parts
+    }
+
+    /// Changes the parameters `x` so that this part of the gain is multiplied by `factor` (positive).
+    pub(crate) fn scale(&self, x: &mut [f64], part: Part, factor: f64) {
+        match &self.block.kind {
+            GainKind::Full { columns, .. } => {
+                let value = self.value(x);
+                for (at, x) in x.iter_mut().enumerate() {
+                    let place = (at / columns, at % columns);
+                    if part.contains(place) {
+                        *x = (factor * value[place] - self.block.start[place]) / self.block.unit;
+                    }
+                }
+            }
+            GainKind::PositiveDiagonal(_) => x.iter_mut().for_each(|x| *x += libm::log(factor)),
+            GainKind::PositiveDefinite(sizes) => {
+                let mut at = 0;
+                each_lower(sizes, |i, j| {
+                    if i == j {
+                        x[at] += 0.5 * libm::log(factor);
+                    } else {
+                        x[at] *= factor.sqrt();
+                    }
                     at += 1;
                 });
             }

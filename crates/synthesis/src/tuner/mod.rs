@@ -14,6 +14,7 @@
 mod bundle;
 mod certificate;
 mod descent;
+mod divergence;
 mod gain_units;
 mod gains;
 mod growth_penalty;

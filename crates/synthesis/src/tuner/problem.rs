@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::gain_units::GainUnits;
-use super::gains::{GainBlock, GainError, Parametrised};
+use super::gains::{GainBlock, GainError, Parametrised, Part};
 use crate::linalg::{LinalgError, Matrix, c64};
 use crate::state_space::StateSpace;
 
@@ -181,6 +181,27 @@ impl ValidatedProblem {
                 g.value(&x[at - n..at])
             })
             .collect()
+    }
+
+    /// The parts of the gains whose size can be changed alone: all gains together (no block), then those of each block.
+    pub(crate) fn parts(&self) -> Vec<(Option<usize>, Part)> {
+        let blocks = self.gains.iter().enumerate();
+        let own = blocks.flat_map(|(block, g)| g.parts().into_iter().map(move |part| (Some(block), part)));
+        std::iter::once((None, Part::All)).chain(own).collect()
+    }
+
+    /// The parameters `x` with a part of the gains multiplied by `factor`.
+    pub(crate) fn scaled(&self, x: &[f64], (block, part): (Option<usize>, Part), factor: f64) -> Vec<f64> {
+        let mut scaled = x.to_vec();
+        let mut at = 0;
+        for (own, g) in self.gains.iter().enumerate() {
+            let n = g.block.kind.parameters();
+            if block.is_none_or(|block| block == own) {
+                g.scale(&mut scaled[at..at + n], part, factor);
+            }
+            at += n;
+        }
+        scaled
     }
 
     /// The controller gain matrix of one model from the blocks.

@@ -1,10 +1,10 @@
 //! Assessment of a result: norms free of rounding error, and whether an optimum was attained.
 
+use super::divergence::{DIVERGING_FEEDBACK, diverges};
 use super::growth_penalty;
 use super::objective::{ChannelNorm, Objective, ObjectiveValue};
 use super::options::Options;
 use super::problem::{Channel, Model, ValidatedProblem};
-use super::search::Search;
 use crate::double_double::Loop;
 use crate::interconnect;
 use crate::linalg::{LinalgError, Matrix, c64};
@@ -57,10 +57,6 @@ impl std::fmt::Display for Verdict {
     }
 }
 
-/// Feedback, in multiples of the plant, above which it may be diverging.
-const DIVERGING_FEEDBACK: f64 = 30.0;
-/// A higher penalty on growing gains than that of the search, which decides doubtful cases.
-const TRIAL_WEIGHT: f64 = 100.0 * growth_penalty::WEIGHT;
 /// A pole this near to the axis, relative to the fastest one, is only there because the axis is better.
 const NEAR_AXIS: f64 = 1e-6;
 /// Poles that span more than this leave the slow ones with few correct digits.
@@ -83,7 +79,7 @@ impl Verdict {
             });
         }
         let blocks = checked.blocks(x);
-        if diverges(checked, options, x)? {
+        if diverges(checked, options, x, value.gamma)? {
             let sizes = checked.models.iter().zip(&checked.gain_units);
             let sizes = sizes.map(|(model, units)| (units.feedback(&checked.gain(model, &blocks)), model));
             if let Some((feedback, model)) = sizes.max_by(|a, b| a.0.total_cmp(&b.0)) {
@@ -133,29 +129,6 @@ fn cancels(checked: &ValidatedProblem, options: &Options, x: &[f64]) -> Result<b
         }
     }
     Ok(false)
-}
-
-/// Whether the gains at `x` are limited by the growth penalty alone: at a hundred times the penalty less than half of them does as
-/// well to a part in ten thousand. An optimum at a finite gain does not move for it, however large the gain is.
-fn diverges(checked: &ValidatedProblem, options: &Options, x: &[f64]) -> Result<bool, LinalgError> {
-    let feedback = growth_penalty::feedback(checked, x);
-    if feedback < DIVERGING_FEEDBACK {
-        return Ok(false);
-    }
-    if feedback >= 0.1 * growth_penalty::FEEDBACK_MAX {
-        return Ok(true);
-    }
-    let search = Search {
-        checked,
-        options,
-        index: 0,
-        threads: options.threads,
-        report: &|_| true,
-    };
-    let mut trial = x.to_vec();
-    let mut objective = Objective::new(checked, 1e-7, options.threads);
-    search.improve(&mut objective, &mut trial, TRIAL_WEIGHT)?;
-    Ok(growth_penalty::feedback(checked, &trial) < 0.5 * feedback)
 }
 
 /// The poles of the part of a model that lies on a path from u to y, closed.
