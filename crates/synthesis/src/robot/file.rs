@@ -336,8 +336,8 @@ pub struct ExportedChannel {
     pub inputs: [usize; 2],
     /// Claimed norm.
     pub norm: f64,
-    /// Its peak, rad/s.
-    pub omega_rad_s: f64,
+    /// Its peak, rad/s; none (null in JSON) at infinite frequency.
+    pub omega_rad_s: Option<f64>,
 }
 
 /// Exports a problem with its gains and their claimed norms.
@@ -385,7 +385,7 @@ pub fn export(
                             outputs: [c.outputs.start, c.outputs.end],
                             inputs: [c.inputs.start, c.inputs.end],
                             norm: found.map_or(f64::INFINITY, |f| f.norm),
-                            omega_rad_s: found.map_or(0.0, |f| if f.omega.is_finite() { f.omega } else { f64::MAX }),
+                            omega_rad_s: found.map(|f| f.omega).filter(|omega| omega.is_finite()),
                         }
                     })
                     .collect(),
@@ -394,7 +394,7 @@ pub fn export(
         .collect();
     ExportedProblem {
         about: "x' = A x + B1 w + B u, z = C1 x + D11 w + D12 u, y = C x + D21 w + D22 u, u = K y. A channel is the closed loop from \
-                the columns `inputs` of w to the rows `outputs` of z; its H-infinity norm is claimed in `norm`. K of a model is \
+                the columns `inputs` of w to the rows `outputs` of z; its H-infinity norm is claimed in `norm`, at the frequency `omega_rad_s` (null: infinite). K of a model is \
                 assembled from the gain blocks, each possibly transformed per model (M^1/2 X M^1/2 for scheduled gains)."
             .into(),
         gamma: evaluation.gamma,

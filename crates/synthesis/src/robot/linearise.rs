@@ -2,7 +2,7 @@
 
 use multibody::{Description, DynState, DynTree, Quaternion};
 
-use super::spec::{ModelSpec, RobotSpec, Spec};
+use super::spec::{ModelSpec, RobotSpec};
 use crate::linalg::{self, LinalgError, Matrix};
 
 /// Errors of linearising a robot or forming its problem.
@@ -66,8 +66,8 @@ pub struct Body {
 /// Builds bodies from one robot description.
 #[derive(Debug, Clone)]
 pub struct Robot {
-    description: Description,
-    spec: RobotSpec,
+    pub(super) description: Description,
+    pub(super) spec: RobotSpec,
     joints: usize,
 }
 
@@ -348,84 +348,6 @@ impl ModelSpec {
             slosh: false,
             velocity: Vec::new(),
         }
-    }
-}
-
-impl Spec {
-    /// Checks every list and number against a robot of `n` channels.
-    ///
-    /// # Errors
-    /// The first error found.
-    pub fn check(&self, n: usize) -> Result<(), RobotError> {
-        let lists: [(&'static str, &[f64]); 5] = [
-            ("scales.velocity", &self.scales.velocity),
-            ("scales.authority", &self.scales.authority),
-            ("scales.disturbance", &self.scales.disturbance),
-            ("weights.cutoff_rad_s", &self.weights.cutoff_rad_s),
-            ("gains.start_kp", &self.gains.start_kp),
-        ];
-        let mut checked = lists.to_vec();
-        if self.gains.integral {
-            checked.push(("gains.start_ki", &self.gains.start_ki));
-        }
-        for (what, list) in checked {
-            if list.len() != n {
-                return Err(RobotError::Length {
-                    what,
-                    found: list.len(),
-                    expected: n,
-                });
-            }
-            // Start gains are checked by the tuner, with its own message, because they are matrices there.
-            if let Some(&value) = list
-                .iter()
-                .find(|x| !(what.starts_with("gains") || x.is_finite() && **x > 0.0))
-            {
-                return Err(RobotError::Value {
-                    what: what.into(),
-                    value,
-                    reason: "must be positive",
-                });
-            }
-        }
-        let s = &self.sampling;
-        for (what, value) in [
-            ("sampling.controller_period_s", s.controller_period_s),
-            ("sampling.computing_s", s.computing_s),
-            ("sampling.sensor_delay_s", s.sensor_delay_s),
-            ("sampling.actuator_delay_s", s.actuator_delay_s),
-            ("sampling.actuator_lag_s", s.actuator_lag_s),
-        ] {
-            if !value.is_finite() || value < 0.0 {
-                return Err(RobotError::Value {
-                    what: what.into(),
-                    value,
-                    reason: "a time must be zero or positive",
-                });
-            }
-        }
-        let w = &self.weights;
-        for (what, value) in [
-            ("weights.peak", w.peak),
-            ("weights.floor", w.floor),
-            ("weights.effort", w.effort),
-        ] {
-            if !value.is_finite() || value <= 0.0 {
-                return Err(RobotError::Value {
-                    what: what.into(),
-                    value,
-                    reason: "must be positive",
-                });
-            }
-        }
-        if self.models.is_empty() {
-            return Err(RobotError::Value {
-                what: "models".into(),
-                value: 0.0,
-                reason: "at least one model is needed",
-            });
-        }
-        Ok(())
     }
 }
 

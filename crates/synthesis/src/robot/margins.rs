@@ -99,6 +99,7 @@ pub fn multiplicative_loop(
     model: &ModelSpec,
     gains: &Gains,
 ) -> Result<(StateSpace, Structure), MarginError> {
+    spec.check(robot.channels())?;
     let closed = close(spec, robot, model, gains)?;
     let n = robot.channels();
     let x = &spec.uncertainty;
@@ -107,21 +108,6 @@ pub fn multiplicative_loop(
         x.multiplicative_high,
         x.multiplicative_cutoff_rad_s,
     );
-    for (what, value) in [
-        ("multiplicative_low", low),
-        ("multiplicative_high", high),
-        ("multiplicative_cutoff_rad_s", corner),
-    ] {
-        if !value.is_finite() || value <= 0.0 {
-            let what = format!("uncertainty.{what}");
-            return Err(RobotError::Value {
-                what,
-                value,
-                reason: "must be positive",
-            }
-            .into());
-        }
-    }
     let one = StateSpace::transfer_function(&[high, corner * low], &[1.0, corner]).map_err(RobotError::from)?;
     let weights = append(&vec![one; n]);
     let forces = closed

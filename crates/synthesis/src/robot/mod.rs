@@ -1,7 +1,9 @@
 //! The velocity loop of a free-flying robot: from a URDF file and a specification to a tuning problem, margins and a
 //! verification of the sampled loop.
 
+mod check;
 mod design;
+mod doubts;
 mod file;
 mod linearise;
 mod margins;

@@ -168,14 +168,19 @@ pub struct SampledLoop {
     tick_s: f64,
 }
 
+/// Whether `period` is a whole multiple of `tick`, to rounding.
+pub(super) fn is_multiple(period: f64, tick: f64) -> bool {
+    let ratio = period / tick;
+    ratio.is_finite() && ratio >= 1.0 && (ratio - ratio.round()).abs() <= 1e-9 * ratio
+}
+
 impl SampledLoop {
     /// The loop of a body with K_P and K_I (n × n, or n × 0 for a proportional law).
     ///
     /// # Errors
     /// A period of the controller that is no whole multiple of the tick.
     pub fn new(timing: &LoopTiming, body: &Body, kp: &Matrix, ki: &Matrix) -> Result<Self, RobotError> {
-        let ratio = timing.controller_period_s / timing.tick_s;
-        if !ratio.is_finite() || ratio < 1.0 || (ratio - ratio.round()).abs() > 1e-9 * ratio {
+        if !is_multiple(timing.controller_period_s, timing.tick_s) {
             let reason = "must be a whole multiple of sampling.plant_period_s";
             return Err(RobotError::Value {
                 what: "sampling.controller_period_s".into(),
@@ -188,7 +193,7 @@ impl SampledLoop {
             kp: kp.clone(),
             // The integrator's state is the sum of errors per tick: K_I is multiplied by the tick.
             ki: ki * timing.tick_s,
-            period: ratio.round() as usize,
+            period: (timing.controller_period_s / timing.tick_s).round() as usize,
             sensor: ticks(timing.sensor_delay_s, timing.tick_s),
             actuator: ticks(timing.command_delay_s, timing.tick_s),
             tick_s: timing.tick_s,
