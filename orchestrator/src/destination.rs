@@ -44,6 +44,35 @@ pub fn check_beside(option: &str, path: &Path, run: Option<&Path>) -> Result<(),
     Ok(())
 }
 
+/// Checks that no destination is a file that the command reads, or another destination, under this or another path. Each file comes with
+/// the option or the key that names it.
+///
+/// # Errors
+/// The first two that are the same.
+pub fn check_distinct(read: &[(&str, &Path)], written: &[(&str, &Path)]) -> Result<(), Refusal> {
+    for (index, (option, path)) in written.iter().enumerate() {
+        let others = read.iter().chain(&written[..index]);
+        let Some((other, _)) = others.into_iter().find(|(_, other)| is_same(path, other)) else {
+            continue;
+        };
+        let path = path.display();
+        return Err(Refusal::of(anyhow!(
+            "{option} {path}: this is also {other}, which would be lost; name another file"
+        )));
+    }
+    Ok(())
+}
+
+/// Whether two paths lead to one file. A device or a pipe takes what several write.
+fn is_same(one: &Path, other: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    match (std::fs::metadata(one), std::fs::metadata(other)) {
+        (Ok(one), _) if !one.is_file() => false,
+        (Ok(one), Ok(other)) => (one.dev(), one.ino()) == (other.dev(), other.ino()),
+        _ => resolved(one) == resolved(other),
+    }
+}
+
 /// The run folder of `run`, which may also be the `tape` folder in it; a tape without a run folder is its own.
 pub fn folder_of(run: &Path) -> PathBuf {
     let above = match run.file_name() {
@@ -179,6 +208,43 @@ mod tests {
         check_beside("--trace", &root.join("run/plan.toml"), None).unwrap_err();
         let folders = ["run", "run/tape", "bare"].map(|name| folder_of(&root.join(name)));
         assert_eq!(folders, ["run", "run", "bare"].map(|name| root.join(name)));
+        std::fs::remove_dir_all(&root).unwrap();
+    }
+
+    #[test]
+    fn destination_that_is_another_file_is_refused() {
+        let root = runs("distinct");
+        let (plant, link, hard) = (root.join("plant"), root.join("link"), root.join("hard"));
+        std::fs::write(&plant, "plant").unwrap();
+        std::os::unix::fs::symlink(&plant, &link).unwrap();
+        std::fs::hard_link(&plant, &hard).unwrap();
+        let new = root.join("new");
+        for (read, out, export) in [
+            (&plant, &plant, None),
+            (&plant, &root.join("run/../plant"), None),
+            (&plant, &link, None),
+            (&link, &plant, None),
+            (&plant, &hard, None),
+            (&plant, &new, Some(&plant)),
+            (&plant, &new, Some(&new)),
+            (&plant, &new, Some(&root.join("run/../new"))),
+        ] {
+            let mut written = vec![("--out", out.as_path())];
+            written.extend(export.map(|path| ("--export", path.as_path())));
+            let error = check_distinct(&[("the plant", read)], &written)
+                .unwrap_err()
+                .to_string();
+            assert!(
+                error.contains("would be lost") && error.contains("this is also"),
+                "{error}"
+            );
+        }
+        let null = Path::new("/dev/null");
+        check_distinct(
+            &[("the plant", &plant)],
+            &[("--out", &new), ("--export", null), ("--more", null)],
+        )
+        .unwrap();
         std::fs::remove_dir_all(&root).unwrap();
     }
 

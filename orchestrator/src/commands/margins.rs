@@ -1,19 +1,22 @@
 //! `escapement margins GAINS`: margins of gains, recomputed from their file and the specification it names.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
+use anyhow::Context as _;
 use clap::Args;
-use synthesis::robot::{Gains, GainsFile, Robot, Spec, export, report, validate};
-use synthesis::tuner::{Evaluation, Problem, controllers};
+use synthesis::robot::{Gains, GainsFile, Robot, Spec, ValidateError, export, report, validate};
+use synthesis::tuner::{Evaluation, Problem, TuneError, controllers};
 
 use super::gains::{
-    Reporter, channel_entries, contradictions, load, margin_entries, optima, plots, print_closed_loop, print_margins,
-    print_sampled, print_validation, restore_recorded_angles, sampled_entries, sliding_gain, take_sliding_gain,
-    threads, validation_entry, write,
+    Reporter, at_line, channel_entries, contradictions, files_of, json, load, margin_entries, optima, plots,
+    print_closed_loop, print_margins, print_sampled, print_validation, restore_recorded_angles, sampled_entries,
+    sliding_gain, take_sliding_gain, threads, validation_entry, write,
 };
 use crate::catalogue::catalogue;
+use crate::destination;
+use crate::refusal::Refusal;
 use capture::closed_loop::simulate_gains;
 use capture::provenance::{digest, plant_digest};
 
@@ -78,6 +81,15 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
             return Ok(REFUSED);
         }
     };
+    if let Some(path) = &args.export_problem {
+        let mut named = files_of(&loaded.path, &loaded.spec);
+        named.extend([
+            ("GAINS", args.gains.clone()),
+            ("the specification", loaded.path.clone()),
+        ]);
+        let named: Vec<(&str, &Path)> = named.iter().map(|(key, file)| (*key, file.as_path())).collect();
+        destination::check_distinct(&named, &[("--export-problem", path)])?;
+    }
     let claimed = loaded.file.provenance.gamma_reported;
     let (problem, evaluation) = recompute(args, &mut loaded)?;
     let Loaded {
@@ -122,13 +134,15 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
 
 /// Reads the gains, their specification and the robot.
 fn read(args: &MarginsArgs) -> anyhow::Result<Loaded> {
-    let mut file = gains_file(&std::fs::read_to_string(&args.gains)?)?;
+    let written = std::fs::read_to_string(&args.gains)?;
+    let mut file = gains_file(&written)?;
     let path = args
         .spec
         .clone()
         .unwrap_or_else(|| PathBuf::from(&file.provenance.specification));
     let text = std::fs::read_to_string(&path).map_err(|e| anyhow::anyhow!("specification {}: {e}", path.display()))?;
-    let (mut spec, robot, urdf) = load(&path, &text, args.allow_unphysical)?;
+    let specification = || format!("specification {}", path.display());
+    let (mut spec, robot, urdf) = load(&path, &text, args.allow_unphysical).with_context(specification)?;
     restore_recorded_angles(&path, &mut spec, &file.models)?;
     file.models.clone_from(&spec.models);
     let provenance = &mut file.provenance;
@@ -152,15 +166,17 @@ fn read(args: &MarginsArgs) -> anyhow::Result<Loaded> {
         let named = spec.gains.ks.clone().unwrap_or_default();
         eprintln!("note: K_S of this file is not the K_P of {named}; --update takes it from there");
     }
-    let gains = file.gains.gains()?;
-    if gains.structure != spec.gains.structure {
+    if file.gains.structure != spec.gains.structure {
         anyhow::bail!(
             "gains.structure is {:?}, but gains.structure of {} is {:?}: these are not gains of that specification",
-            gains.structure,
+            file.gains.structure,
             path.display(),
             spec.gains.structure
         );
     }
+    let checked = file.gains.check(robot.channels(), spec.gains.integral);
+    checked.map_err(|error| at_line(&written, &error))?;
+    let gains = file.gains.gains()?;
     Ok(Loaded {
         file,
         path,
@@ -199,7 +215,11 @@ fn recompute(args: &MarginsArgs, loaded: &mut Loaded) -> anyhow::Result<(Problem
         robot,
         gains,
     } = loaded;
-    let (problem, evaluation) = report(spec, robot, &file.adversary, gains)?;
+    let (problem, evaluation) = report(spec, robot, &file.adversary, gains).map_err(|error| match &error {
+        ValidateError::Tune(TuneError::Linalg(_)) => anyhow::Error::from(error),
+        // What the tuner refuses is in the files.
+        _ => Refusal::of(anyhow::anyhow!("{}: {error}", args.gains.display())).into(),
+    })?;
     file.provenance.gamma_reported = evaluation.gamma;
     file.channels = channel_entries(&evaluation);
     file.sampled = sampled_entries(spec, robot, gains)?;
@@ -228,7 +248,7 @@ fn recompute(args: &MarginsArgs, loaded: &mut Loaded) -> anyhow::Result<(Problem
 fn print(args: &MarginsArgs, spec: &Spec, file: &GainsFile, claimed: f64) -> anyhow::Result<()> {
     let mut out = crate::output::stdout();
     if args.json {
-        writeln!(out, "{}", serde_json::to_string_pretty(file)?)?;
+        writeln!(out, "{}", json(file)?)?;
     } else if args.table {
         for m in &file.margins {
             writeln!(

@@ -9,7 +9,7 @@ mod sliding;
 mod tables;
 
 pub use entries::{channel_entries, contradictions, margin_entries, optima, sampled_entries, validation_entry};
-pub use files::{load, write};
+pub use files::{at_line, files_of, finite, json, load, write};
 pub use lookup::{look_up, override_with, restore_recorded_angles};
 pub use plots::plots;
 pub use reporter::Reporter;

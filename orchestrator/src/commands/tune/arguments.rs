@@ -1,6 +1,6 @@
 //! Arguments and exit codes of `tune`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use synthesis::tuner::TuneError;
@@ -65,6 +65,35 @@ impl TuneArgs {
             ("--table", self.table),
         ];
         given.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+
+    /// Whether the specification is a plant of matrices.
+    pub fn is_of_matrices(&self) -> bool {
+        self.spec.extension().is_some_and(|e| e == "json")
+    }
+
+    /// The file for the gains: `--out`; without it, for a robot alone, `x.toml` of `x.spec.toml`, and `x.gains.toml` of any other name.
+    pub fn gains_path(&self) -> Option<PathBuf> {
+        if self.out.is_some() || self.is_of_matrices() {
+            return self.out.clone();
+        }
+        let name = self.spec.file_name().map(|name| name.to_string_lossy());
+        Some(match name.as_deref().and_then(|name| name.strip_suffix(".spec.toml")) {
+            Some(stem) => self.spec.with_file_name(format!("{stem}.toml")),
+            None => self.spec.with_extension("gains.toml"),
+        })
+    }
+
+    /// The files that are written, with the options that name them; `gains` is [`Self::gains_path`].
+    pub fn destinations<'a>(&'a self, gains: Option<&'a Path>) -> Vec<(&'static str, &'a Path)> {
+        let name = if self.out.is_some() {
+            "--out"
+        } else {
+            "the file of gains"
+        };
+        let gains = gains.map(|path| (name, path));
+        let export = self.export_problem.as_deref().map(|path| ("--export-problem", path));
+        gains.into_iter().chain(export).collect()
     }
 }
 

@@ -11,7 +11,7 @@ use synthesis::tuner::{Options, Problem, Tuned, Verdict, tune};
 
 use super::arguments::{NOT_MET, REFUSED, TuneArgs, failure};
 use super::progress::progress_line;
-use crate::commands::gains::{Reporter, write};
+use crate::commands::gains::{Reporter, finite, write};
 
 /// Reads the matrices; an error starts with the line of its key.
 fn read(text: &str) -> Result<Problem, String> {
@@ -78,11 +78,11 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
         write(path, &serde_json::to_string_pretty(&exported)?)?;
     }
     let peak = tuned.evaluation.channels.first().map_or(0.0, |c| c.omega);
-    let starts: Vec<String> = tuned.starts.iter().map(|g| format!("{g:.6}")).collect();
+    let starts: Vec<serde_json::Value> = tuned.starts.iter().map(|gamma| finite(*gamma)).collect();
     let result = serde_json::json!({
         "problem": problem.models[0].name,
         "gamma": tuned.evaluation.gamma,
-        "peak_rad_s": if peak.is_finite() { peak } else { f64::MAX },
+        "peak_rad_s": finite(peak),
         "spectral_abscissa": tuned.evaluation.abscissa,
         "certificate": { "length": tuned.certificate.length, "radius": tuned.certificate.radius, "gradients": tuned.certificate.gradients },
         "K": to_rows(&tuned.controllers[0]),
@@ -103,13 +103,13 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
     if args.json {
         writeln!(crate::output::stdout(), "{}", serde_json::to_string_pretty(&result)?)?;
     } else {
-        print(&tuned, peak, &starts)?;
+        print(&tuned, peak)?;
     }
     Ok(code)
 }
 
 /// The result as text.
-fn print(tuned: &Tuned, peak: f64, starts: &[String]) -> anyhow::Result<()> {
+fn print(tuned: &Tuned, peak: f64) -> anyhow::Result<()> {
     let mut out = crate::output::stdout();
     writeln!(
         out,
@@ -126,6 +126,7 @@ fn print(tuned: &Tuned, peak: f64, starts: &[String]) -> anyhow::Result<()> {
             tuned.certificate.length, tuned.certificate.gradients, tuned.certificate.radius, tuned.certificate.steepest
         )?;
     }
+    let starts: Vec<String> = tuned.starts.iter().map(|gamma| format!("{gamma:.6}")).collect();
     writeln!(
         out,
         "starts             {}{}",

@@ -17,7 +17,7 @@ use robot::tune_robot;
 
 /// Tunes, verifies, writes; returns the exit code.
 pub fn run(args: &TuneArgs) -> anyhow::Result<i32> {
-    let is_matrices = args.spec.extension().is_some_and(|e| e == "json");
+    let is_matrices = args.is_of_matrices();
     if let Some(option) = args.option_of_robot().filter(|_| is_matrices) {
         eprintln!(
             "error: {option}: {} is a plant of matrices, which has no robot: the option is for a specification (.spec.toml) \
@@ -33,6 +33,12 @@ pub fn run(args: &TuneArgs) -> anyhow::Result<i32> {
     ] {
         path.iter().try_for_each(|path| destination::check(option, path))?;
     }
+    if args.starts == Some(0) {
+        eprintln!("error: --starts 0: a search needs a start; write 1 or more, or leave the option out");
+        return Ok(arguments::REFUSED);
+    }
+    let gains = args.gains_path();
+    destination::check_distinct(&[("SPEC", &args.spec)], &args.destinations(gains.as_deref()))?;
     let text = match std::fs::read_to_string(&args.spec) {
         Ok(text) => text,
         Err(error) => {

@@ -5,13 +5,13 @@ use std::io::Write;
 use synthesis::robot::{GainsFile, Spec};
 
 use super::arguments::TuneArgs;
-use crate::commands::gains::{print_closed_loop, print_margins, print_sampled, print_validation};
+use crate::commands::gains::{json, print_closed_loop, print_margins, print_sampled, print_validation};
 
 /// Prints the file in the requested form.
 pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64) -> anyhow::Result<()> {
     let mut out = crate::output::stdout();
     if args.json {
-        writeln!(out, "{}", serde_json::to_string_pretty(file)?)?;
+        writeln!(out, "{}", json(file)?)?;
         return Ok(());
     }
     let p = &file.provenance;

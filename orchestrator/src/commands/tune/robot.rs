@@ -1,6 +1,6 @@
 //! Tuning of the gains of a robot's velocity loop.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -10,7 +10,10 @@ use super::arguments::{NOT_MET, REFUSED, TuneArgs, failure};
 use super::print::print;
 use super::progress::progress_line;
 use super::verify::verify;
-use crate::commands::gains::{Reporter, load, look_up, override_with, sliding_gain, take_sliding_gain, threads, write};
+use crate::commands::gains::{
+    Reporter, files_of, load, look_up, override_with, sliding_gain, take_sliding_gain, threads, write,
+};
+use crate::destination;
 use capture::provenance::{digest, plant_digest};
 
 /// Tunes, verifies, writes; returns the exit code.
@@ -28,6 +31,10 @@ pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Res
             return Ok(REFUSED);
         }
     };
+    let path = args.gains_path().unwrap_or_default();
+    let named = files_of(&args.spec, &spec);
+    let named: Vec<(&str, &Path)> = named.iter().map(|(key, file)| (*key, file.as_path())).collect();
+    destination::check_distinct(&named, &args.destinations(Some(&path)))?;
     spec.search.starts = args.starts.unwrap_or(spec.search.starts);
     spec.search.seed = args.seed.unwrap_or(spec.search.seed);
     let reporter = Reporter::new(stop);
@@ -72,7 +79,6 @@ pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Res
     if design.tuned.stopped {
         unmet.push("the search was stopped before it was done".into());
     }
-    let path = args.out.clone().unwrap_or_else(|| gains_path(&args.spec));
     write(&path, &toml::to_string(&file)?)?;
     print(args, &spec, &file, tuning)?;
     for reason in &unmet {
@@ -80,17 +86,4 @@ pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Res
     }
     eprintln!("gains written to {}", path.display());
     Ok(if unmet.is_empty() { 0 } else { NOT_MET })
-}
-
-/// `x.spec.toml` becomes `x.toml`; for any other name `.gains.toml` is appended, so that a specification is never
-/// overwritten.
-fn gains_path(spec: &Path) -> PathBuf {
-    let name = spec
-        .file_name()
-        .map(|n| n.to_string_lossy().into_owned())
-        .unwrap_or_default();
-    match name.strip_suffix(".spec.toml") {
-        Some(stem) => spec.with_file_name(format!("{stem}.toml")),
-        None => spec.with_extension("gains.toml"),
-    }
 }
