@@ -416,8 +416,7 @@ fn channel_system(closed: &StateSpace, channel: &super::problem::Channel) -> Sta
 
 /// Keeps the last few distinct peak frequencies.
 fn store_peak(recent_peaks: &mut Vec<f64>, omega: f64) {
-    let near = |w: f64| w == omega || (omega.is_finite() && (w - omega).abs() <= 1e-3 * omega);
-    recent_peaks.retain(|w| !near(*w));
+    recent_peaks.retain(|w| (w - omega).abs() > 1e-3 * omega && !(w.is_infinite() && omega.is_infinite()));
     recent_peaks.insert(0, omega);
     recent_peaks.truncate(6);
 }
@@ -431,15 +430,6 @@ fn local_peaks(g: &StateSpace, top: ChannelNorm, floor: f64) -> Result<Vec<f64>,
     let mut edges = vec![0.0];
     edges.extend(norm::level_crossings(g, floor)?.into_iter().filter(|w| *w > 0.0));
     edges.dedup_by(|a, b| (*a - *b).abs() <= 1e-6 * b.abs());
-    let direct = norm::gain_at(g, f64::INFINITY)?;
-    if direct >= floor {
-        // The last interval has no upper end.
-        let fastest = linalg::max_abs(&g.a).max(edges[edges.len() - 1]);
-        edges.push(10.0 * fastest);
-        if top.omega.is_finite() {
-            peaks.push((direct, f64::INFINITY));
-        }
-    }
     for pair in edges.windows(2) {
         let (low, high) = (pair[0].max(1e-3 * pair[1]), pair[1]);
         let at = |i: usize| low * libm::pow(high / low, i as f64 / (POINTS + 1) as f64);
