@@ -370,7 +370,7 @@ fn check_sample_times(
 /// Whether a player of the scenario `reduced` to one participant publishes the samples of a stream.
 fn is_played(reduced: &ScenarioSpec, stand_ins: &StandIns, stream: &StreamSpec) -> bool {
     let port = format!("{}.{}", stand_ins.player(&stream.participant), stream.port);
-    let sources = reduced.connections.iter().map(|(_, connection)| &connection.from);
+    let sources = reduced.connections.values().map(|connection| &connection.from);
     sources.map(|from| port_of(from)).any(|from| from == port)
 }
 
