@@ -271,3 +271,25 @@ fn measure_names_the_stream_that_the_tape_lacks() {
         assert!(asked.err.contains(output), "`{output}` is not in {}", asked.err);
     }
 }
+
+#[test]
+fn window_after_the_end_causes_a_warning() {
+    for (from, warned) in [("5 s", true), ("1 s", false)] {
+        let record = format!("record.plant.truth={{ from = \"{from}\" }}");
+        let output = run_orchestrator(&[
+            "check",
+            text(&root().join("scenarios/close.toml")),
+            "--set",
+            "duration=2 s",
+            "--set",
+            &record,
+        ]);
+        assert_eq!(output.code, Some(0), "{output:?}");
+        let warning = "record.plant.truth.from: 5000 ms is after the end at 2000 ms: nothing is recorded of it";
+        assert_eq!(
+            output.err.contains(warning) || output.out.contains(warning),
+            warned,
+            "{output:?}"
+        );
+    }
+}

@@ -142,6 +142,15 @@ impl ScenarioSpec {
 }
 
 impl RecordRequest {
+    /// The key and the time of a window that begins after `end`.
+    pub(super) fn window_after_end(&self, end: Rational) -> Option<(String, Rational)> {
+        let RecordSpec::Part(part) = &self.part else {
+            return None;
+        };
+        let from = time(&part.from).filter(|from| *from > end)?;
+        Some((format!("record.{}.from", self.key), from))
+    }
+
     /// Whether the entry keeps every sample of the streams that it names.
     pub(super) fn is_whole(&self) -> bool {
         self.part == RecordSpec::Whole

@@ -325,6 +325,12 @@ impl Scenario {
                 format!("{time} is after the end at {end}: nothing is measured in this run"),
             );
         }
+        for (key, from) in self.record.iter().filter_map(|one| one.window_after_end(end)) {
+            warn(
+                &key,
+                format!("{from} is after the end at {end}: nothing is recorded of it"),
+            );
+        }
         if let Some(folder) = self.spec.folder.as_ref().filter(|_| !self.source.folder.is_dir()) {
             let reason = format!(
                 "there is no folder `{folder}`, to which relative paths are relative: this run needs none of them; write the folder that \

@@ -91,7 +91,7 @@ pub enum CheckpointError {
         source: Box<WireError>,
     },
     /// There is no suitable file.
-    #[error("{}: there is no checkpoint{at}; there is {available} (checkpoints are made with --checkpoint-every and --checkpoint-at)", folder.display())]
+    #[error("{}: there is no checkpoint{at}{available} (checkpoints are made with --checkpoint-every and --checkpoint-at)", folder.display())]
     None {
         /// The folder of the checkpoints.
         folder: PathBuf,
@@ -240,9 +240,9 @@ impl Checkpoint {
                 folder: folder.to_owned(),
                 at: limit.map(|limit| format!(" at or before {limit}")).unwrap_or_default(),
                 available: if times.is_empty() {
-                    "none at all".into()
+                    String::new()
                 } else {
-                    format!("one at {}", times.join(", "))
+                    format!("; there is one at {}", times.join(", "))
                 },
             }),
         }
