@@ -27,6 +27,7 @@ pub fn contents(catalogue: Catalogue) -> Catalogue {
         .assessment("capture", capture::assessment::from_setup)
         .warning(capture::provenance::warnings)
         .warning(capture::late_events::warnings)
+        .change_warning(capture::start_values::warnings)
         .finding(capture::velocity_loop::findings)
         .view(capture::report_view::view)
         .failures(capture::actuators::single_failure_cases)

@@ -38,24 +38,11 @@ fn of_plant(scenario: &Scenario, plant: &Entry) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
-    use engine::Catalogue;
-
     use super::*;
+    use crate::close_scenario::close_with;
 
     fn found(changes: &[&str]) -> Vec<String> {
-        let catalogue = Catalogue::new("0")
-            .participant("plant", plant_proc::factory)
-            .participant("controller", controller_proc::factory)
-            .participant("guidance", guidance_proc::factory)
-            .assessment("capture", crate::assessment::from_setup);
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/close.toml");
-        let changes: Vec<String> = changes
-            .iter()
-            .map(|change| format!("participants.plant.parameters.{change}"))
-            .collect();
-        warnings(&Scenario::read(&catalogue, &file, &changes).unwrap())
+        warnings(&close_with(changes))
     }
 
     #[test]

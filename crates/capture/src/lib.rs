@@ -11,6 +11,8 @@
 
 pub mod actuators;
 pub mod assessment;
+#[cfg(test)]
+mod close_scenario;
 pub mod closed_loop;
 pub mod late_events;
 pub mod provenance;

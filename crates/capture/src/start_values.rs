@@ -38,3 +38,31 @@ fn lookup<'a>(entry: &'a Entry, key: &[&str]) -> Option<&'a Value> {
     rest.iter()
         .try_fold(entry.setup.parameters.get(*first)?, |value, part| value.get(*part))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::close_scenario::close_with;
+
+    #[test]
+    fn changed_start_values_are_warned_of_at_their_keys() {
+        let unchanged = close_with(&[]);
+        assert_eq!(warnings(&close_with(&[]), &unchanged), Vec::<String>::new());
+        assert_eq!(
+            warnings(&close_with(&["target.mass=200 kg"]), &unchanged),
+            Vec::<String>::new()
+        );
+        for (change, key) in [
+            ("start.position=[5, 5, 5] m", "start"),
+            ("target_start.rate=[1, 0, 0] deg/s", "target_start"),
+            (
+                "actuators.wheels.start_momentum=1 N m s",
+                "actuators.wheels.start_momentum",
+            ),
+        ] {
+            let found = warnings(&close_with(&[change]), &unchanged);
+            let named = format!("participants.plant.parameters.{key}: ");
+            assert!(found.len() == 1 && found[0].contains(&named), "{found:?}");
+        }
+    }
+}

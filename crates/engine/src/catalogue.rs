@@ -19,6 +19,9 @@ use crate::scenario::{Program, Scenario};
 /// Warnings about a scenario before it runs; none of them keeps the scenario from running.
 type Warnings = Arc<dyn Fn(&Scenario) -> Vec<String> + Send + Sync>;
 
+/// Warnings about a scenario that continues a run of the other one.
+type ChangeWarnings = Arc<dyn Fn(&Scenario, &Scenario) -> Vec<String> + Send + Sync>;
+
 /// A finding of `check` about a scenario.
 #[derive(Debug, Clone)]
 pub struct Finding {
@@ -51,6 +54,7 @@ type Failures = Arc<dyn Fn(&Scenario, &Path, &[Rational], bool) -> Result<Cases,
 pub struct Catalogue {
     builtins: Arc<Builtins>,
     warnings: Vec<Warnings>,
+    change_warnings: Vec<ChangeWarnings>,
     findings: Vec<Findings>,
     failures: Option<Failures>,
     views: Vec<Views>,
@@ -82,6 +86,7 @@ impl Catalogue {
         let catalogue = Catalogue {
             builtins: Arc::new(Builtins::new(version.into())),
             warnings: Vec::new(),
+            change_warnings: Vec::new(),
             findings: Vec::new(),
             failures: None,
             views: Vec::new(),
@@ -133,6 +138,16 @@ impl Catalogue {
         self
     }
 
+    /// Adds warnings about a scenario that continues a run, given that of the run, which `resume` prints.
+    #[must_use]
+    pub fn change_warning(
+        mut self,
+        warnings: impl Fn(&Scenario, &Scenario) -> Vec<String> + Send + Sync + 'static,
+    ) -> Catalogue {
+        self.change_warnings.push(Arc::new(warnings));
+        self
+    }
+
     /// Adds findings about a scenario, which `check` reports.
     #[must_use]
     pub fn finding(mut self, find: impl Fn(&Scenario) -> Vec<Finding> + Send + Sync + 'static) -> Catalogue {
@@ -172,6 +187,12 @@ impl Catalogue {
     pub fn with_version(mut self, version: &str) -> Catalogue {
         self.builtins_mut().set_version(version);
         self
+    }
+
+    /// The warnings about `scenario`, which continues a run of `unchanged`.
+    pub fn change_warnings(&self, scenario: &Scenario, unchanged: &Scenario) -> Vec<String> {
+        let all = self.change_warnings.iter();
+        all.flat_map(|warnings| warnings(scenario, unchanged)).collect()
     }
 
     /// The warnings about `scenario`, without the findings.

@@ -91,7 +91,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     // Without changes the result is the same from any checkpoint.
     let at = args.from.filter(|at| !args.set.is_empty() && *at > checkpoint.time);
     if !args.execution.common.quiet {
-        for warning in capture::start_values::warnings(&scenario, &unchanged) {
+        for warning in catalogue().change_warnings(&scenario, &unchanged) {
             eprintln!("warning: {warning}");
         }
         print_start(checkpoint.time, at);

@@ -12,11 +12,9 @@ mod dispatch;
 #[cfg(target_arch = "x86_64")]
 mod eight;
 #[cfg(all(target_arch = "x86_64", target_feature = "avx2", target_feature = "fma"))]
-#[path = "four_avx2.rs"]
-mod four;
+mod four_avx2;
 #[cfg(not(all(target_arch = "x86_64", target_feature = "avx2", target_feature = "fma")))]
-#[path = "four_portable.rs"]
-mod four;
+mod four_portable;
 mod vectors;
 
 pub use dispatch::{ForLanes, lanes_max, with_lanes};

@@ -6,9 +6,13 @@ use num_traits::{One, Zero};
 
 #[cfg(target_arch = "x86_64")]
 use super::eight;
-use super::four;
+#[cfg(all(target_arch = "x86_64", target_feature = "avx2", target_feature = "fma"))]
+use super::four_avx2 as four;
+#[cfg(not(all(target_arch = "x86_64", target_feature = "avx2", target_feature = "fma")))]
+use super::four_portable as four;
 use crate::num::number::{Computation, Constant, Lanes, Number};
-use crate::num::{Real, trig};
+use crate::num::real::Real;
+use crate::num::trig;
 
 /// The type `$lanes` of `$width` doubles with the operations of the module `$imp`; `$compute` runs code compiled for them.
 macro_rules! lanes {
