@@ -49,6 +49,7 @@ pub fn check_beside(option: &str, path: &Path, run: Option<&Path>) -> Result<(),
 ///
 /// # Errors
 /// The first two that are the same.
+#[cfg(feature = "capture")]
 pub fn check_distinct(read: &[(&str, &Path)], written: &[(&str, &Path)]) -> Result<(), Refusal> {
     for (index, (option, path)) in written.iter().enumerate() {
         let others = read.iter().chain(&written[..index]);
@@ -64,6 +65,7 @@ pub fn check_distinct(read: &[(&str, &Path)], written: &[(&str, &Path)]) -> Resu
 }
 
 /// Whether two paths lead to one file. A device or a pipe takes what several write.
+#[cfg(feature = "capture")]
 fn is_same(one: &Path, other: &Path) -> bool {
     use std::os::unix::fs::MetadataExt as _;
     match (std::fs::metadata(one), std::fs::metadata(other)) {
@@ -211,6 +213,7 @@ mod tests {
         std::fs::remove_dir_all(&root).unwrap();
     }
 
+    #[cfg(feature = "capture")]
     #[test]
     fn destination_that_is_another_file_is_refused() {
         let root = runs("distinct");

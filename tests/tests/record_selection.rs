@@ -285,7 +285,7 @@ fn window_after_the_end_causes_a_warning() {
             &record,
         ]);
         assert_eq!(output.code, Some(0), "{output:?}");
-        let warning = "record.plant.truth.from: 5000 ms is after the end at 2000 ms: nothing is recorded of it";
+        let warning = "record.plant.truth.from: 5 s is after the end at 2 s: nothing is recorded of it";
         assert_eq!(
             output.err.contains(warning) || output.out.contains(warning),
             warned,
