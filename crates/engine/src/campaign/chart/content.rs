@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use report::figures::Shade;
+use report::figures::{Curve, Shade};
 
 use crate::campaign::Column;
-use crate::campaign::figures::Number;
+use crate::campaign::figures::{Figures, Number};
 use crate::campaign::summary::success_name;
 use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
@@ -22,7 +22,12 @@ pub struct ChartContent<'a> {
     pub figure: Option<&'a Number>,
 }
 
-impl ChartContent<'_> {
+impl<'a> ChartContent<'a> {
+    /// The figures of the first point that ran and has any.
+    pub(crate) fn first_figures(&self) -> Option<&'a Figures> {
+        self.results.iter().flatten().find_map(PointResult::final_figures)
+    }
+
     /// The name of the outcome of a successful point.
     pub(crate) fn success_name(&self) -> &'static str {
         success_name(self.results)
@@ -30,8 +35,7 @@ impl ChartContent<'_> {
 
     /// Whether the figure shown has a lower limit and no upper one.
     pub(crate) fn lower_is_worse(&self) -> bool {
-        let figures = self.results.iter().flatten().find_map(|result| result.figures.as_ref());
-        let criteria = figures.map_or(&[][..], |figures| &figures.criteria);
+        let criteria = self.first_figures().map_or(&[][..], |figures| &figures.criteria);
         let own = criteria
             .iter()
             .find(|one| self.figure.is_some_and(|figure| figure.name == one.name));
@@ -65,6 +69,15 @@ impl PlotPosition<'_> {
         let worse = if lower_is_worse { f64::min } else { f64::max };
         values.filter(|value| value.is_finite()).reduce(worse)
     }
+}
+
+/// Whether the values above zero of all curves span more than a linear axis shows.
+pub(crate) fn needs_logarithm(curves: &[Curve]) -> bool {
+    let values = || {
+        let points = curves.iter().flat_map(|curve| &curve.points);
+        points.map(|point| point[1]).filter(|y| *y > 0.0)
+    };
+    values().fold(0.0, f64::max) / values().fold(f64::INFINITY, f64::min) > 30.0
 }
 
 /// The name of a column as an axis label.

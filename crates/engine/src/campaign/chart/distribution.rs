@@ -2,10 +2,9 @@
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Shade, Stroke};
 
-use super::content::ChartContent;
+use super::content::{ChartContent, needs_logarithm};
 use crate::campaign::figure_value;
 use crate::campaign::figures::{Figures, Number};
-use crate::campaign::success_name;
 use crate::campaign::workers::point::Result as PointResult;
 use crate::text::three_digits;
 
@@ -53,22 +52,14 @@ pub(crate) fn draw_distribution(chart: &ChartContent<'_>) -> Option<Drawing> {
         .filter(|result| result.outcome.good())
         .count();
     let share = 100.0 * good as f64 / ran.max(1) as f64;
-    let heights = || {
-        curves
-            .iter()
-            .flat_map(|curve| &curve.points)
-            .map(|point| point[1])
-            .filter(|y| *y > 0.0)
-    };
-    let spread = heights().fold(0.0, f64::max) / heights().fold(f64::INFINITY, f64::min);
-    let title = format!("{}: {share:.1} % {}", chart.title, success_name(chart.results));
+    let title = format!("{}: {share:.1} % {}", chart.title, chart.success_name());
     let chart = Chart {
         title,
         x_label: "part of the points, by size [%]".to_owned(),
         y_label,
         x_names: Vec::new(),
         logarithmic_x: false,
-        logarithmic: spread > 30.0,
+        logarithmic: needs_logarithm(&curves),
         bands: vec![Band {
             from: 0.0,
             to: share,

@@ -2,10 +2,9 @@
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Stroke};
 
-use super::content::{ChartContent, PlotPosition, axis_label, index_by_value};
+use super::content::{ChartContent, PlotPosition, axis_label, index_by_value, needs_logarithm};
 use crate::campaign::Column;
 use crate::campaign::figure_value;
-use crate::campaign::figures::Figures;
 use crate::campaign::summary::distinct;
 use crate::campaign::workers::point::Result as PointResult;
 use crate::text::three_digits;
@@ -22,14 +21,6 @@ struct KeyAxis<'a> {
 pub(crate) fn chart_over_one_key(chart: &ChartContent<'_>, column: &Column) -> Drawing {
     let axis = KeyAxis::of(chart, column);
     let (y_label, curves, limits) = axis.figure(chart).unwrap_or_else(|| axis.criteria(chart));
-    let values = || {
-        curves
-            .iter()
-            .flat_map(|curve| &curve.points)
-            .map(|point| point[1])
-            .filter(|y| *y > 0.0)
-    };
-    let spread = values().fold(0.0, f64::max) / values().fold(f64::INFINITY, f64::min);
     Chart {
         title: format!("{}: green where {}", chart.title, chart.success_name()),
         x_label: axis_label(column),
@@ -40,7 +31,7 @@ pub(crate) fn chart_over_one_key(chart: &ChartContent<'_>, column: &Column) -> D
             axis.positions.iter().map(|(value, _)| (*value).clone()).collect()
         },
         logarithmic_x: false,
-        logarithmic: spread > 30.0,
+        logarithmic: needs_logarithm(&curves),
         bands: axis.bands(),
         curves,
         limits,
@@ -122,7 +113,7 @@ impl<'a> KeyAxis<'a> {
         let curves = vec![self.curve("", &|result| figure_value(result, &figure.key))];
         // a criterion may have another unit than the figure
         let mut limits = Vec::new();
-        let first = first_figures(chart);
+        let first = chart.first_figures();
         let criteria = first.map_or(&[][..], |figures| &figures.criteria);
         if let Some(criterion) = criteria.iter().find(|criterion| criterion.name == figure.name)
             && let Some(values) = first.and_then(|first| first.limits_of(figure, criterion))
@@ -143,7 +134,7 @@ impl<'a> KeyAxis<'a> {
             name: "limit".into(),
         }];
         let mut curves = Vec::new();
-        for criterion in first_figures(chart).map_or(&[][..], |figures| &figures.criteria) {
+        for criterion in chart.first_figures().map_or(&[][..], |figures| &figures.criteria) {
             let Some(limit) = criterion.limit.filter(|limit| *limit > 0.0) else {
                 continue;
             };
@@ -157,10 +148,4 @@ impl<'a> KeyAxis<'a> {
         }
         ("part of the limit".to_owned(), curves, limits)
     }
-}
-
-/// The figures of the first point that ran and has any.
-fn first_figures<'a>(chart: &ChartContent<'a>) -> Option<&'a Figures> {
-    let mut all = chart.results.iter().flatten();
-    all.find_map(PointResult::final_figures)
 }
